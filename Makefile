@@ -1,0 +1,56 @@
+# Everything a person needs: `make run` (the main job, in the browser, with a virtual glove) and `make test`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PORT ?= 8420
+export OPENBLAS_NUM_THREADS := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: run test check tests browser lock bench clean
+
+run: $(VENV)/runs
+	$(BIN)/handscope demo --port $(PORT) $(DEMO)
+
+test: check tests
+
+# Lint, format, types; the import directions and the docs are tests
+check: $(VENV)/develops
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+tests: $(VENV)/develops browser
+	$(BIN)/pytest
+
+# A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
+browser: $(VENV)/develops
+	@$(BIN)/python tests/browser.py
+
+bench: $(VENV)/runs
+	$(BIN)/handscope bench
+
+# uv installs from its cache in seconds; where it cannot reach the package index as this machine's pip does, pip installs the same lock
+INSTALL = $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1) 2>/dev/null || $(BIN)/python -m pip install --quiet --require-hashes -r $(1)
+
+$(VENV)/runs: requirements.lock requirements-uv.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Handscope needs Python 3.11 or newer: make PYTHON=python3.x")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	-$(BIN)/python -m pip install --quiet --require-hashes -r requirements-uv.lock
+	$(call INSTALL,requirements.lock)
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/develops: $(VENV)/runs requirements-dev.lock
+	$(call INSTALL,requirements-dev.lock)
+	@touch $@
+
+# The locks hold names, versions and hashes, no address
+lock: $(VENV)/runs
+	printf 'setuptools>=80\n' > $(VENV)/build.in
+	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements.lock
+	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --extra dev --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-dev.lock
+	printf 'uv\n' | $(BIN)/uv pip compile - --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-uv.lock
+
+clean:
+	rm -rf $(VENV) *.egg-info
