@@ -1,0 +1,146 @@
+"""Unit quaternions as arrays: Hamilton, scalar first, any leading shape.
+
+Convention  q_ab = [w, x, y, z] takes vectors from frame b to frame a; letters cancel: q_ac = multiply(q_ab, q_bc)
+Shapes      quaternions (..., 4), vectors (..., 3), broadcast against each other
+Exactness   every function is elementwise over the leading axes, so the result of a row never depends on its neighbours:
+            a recording cut anywhere gives the same bits (tests/estimators/test_quaternions.py)
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def multiply(q_ab: Array, q_bc: Array) -> Array:
+    """Chain two rotations: q_ac (..., 4). Source: Salchow-Hoemmen 2019, (4)."""
+    aw, ax, ay, az = _components(q_ab)
+    bw, bx, by, bz = _components(q_bc)
+    return _stack(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(q_ab: Array) -> Array:
+    """The inverse rotation: q_ba (..., 4)."""
+    w, x, y, z = _components(q_ab)
+    return _stack(w, -x, -y, -z)
+
+
+def relative(q_ga: Array, q_gb: Array) -> Array:
+    """Orientation of b seen from a: q_ab = conj(q_ga) q_gb (..., 4). Source: Salchow-Hoemmen 2019, (19); Valtin 2017, (1)."""
+    return multiply(conjugate(q_ga), q_gb)
+
+
+def rotate(q_ab: Array, v_b: Array) -> Array:
+    """Take vectors from b to a: v_a (..., 3)."""
+    w, x, y, z = _components(q_ab)
+    vx, vy, vz = v_b[..., 0], v_b[..., 1], v_b[..., 2]
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return _stack(vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx)
+
+
+def normalize(q: Array) -> Array:
+    """Scale to unit norm (..., 4)."""
+    w, x, y, z = _components(q)
+    n = np.sqrt(w * w + x * x + y * y + z * z)
+    return _stack(w / n, x / n, y / n, z / n)
+
+
+def exp(rotvec: Array) -> Array:
+    """Quaternion of a rotation vector in rad: (..., 3) -> (..., 4)."""
+    x, y, z = rotvec[..., 0], rotvec[..., 1], rotvec[..., 2]
+    angle = np.sqrt(x * x + y * y + z * z)
+    half = 0.5 * angle
+    small = angle < 1e-8  # sin(h)/angle = 1/2 - angle^2/48: the second term is below rounding
+    k = np.where(small, 0.5, np.sin(half) / np.where(small, 1.0, angle))
+    return _stack(np.cos(half), k * x, k * y, k * z)
+
+
+def log(q: Array) -> Array:
+    """Rotation vector in rad of the shorter way round: (..., 4) -> (..., 3)."""
+    w, x, y, z = _components(q)
+    sign = np.where(w < 0, -1.0, 1.0)
+    n = np.sqrt(x * x + y * y + z * z)
+    small = n < 1e-10
+    k = np.where(small, 2.0, 2 * np.arctan2(n, sign * w) / np.where(small, 1.0, n)) * sign
+    return _stack(k * x, k * y, k * z)
+
+
+def angle(q: Array) -> Array:
+    """Size of the rotation in rad, in [0, pi]: (..., 4) -> (...)."""
+    w, x, y, z = _components(q)
+    return 2 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w))
+
+
+def about(axis: int, theta: Any) -> Array:
+    """Rotation by theta (...) rad about coordinate axis 0, 1 or 2: (..., 4)."""
+    half = 0.5 * np.asarray(theta, dtype=float)
+    q = np.zeros((*half.shape, 4))
+    q[..., 0], q[..., 1 + axis] = np.cos(half), np.sin(half)
+    return q
+
+
+def twist(q: Array, axis: int) -> Array:
+    """Angle in rad of the part of q that turns about its own coordinate axis: (..., 4) -> (...), in [-pi, pi).
+
+    About axis 2 of a rotation between two earth frames this is the heading between them.
+    """
+    a = 2 * np.arctan2(q[..., 1 + axis], q[..., 0])
+    return (a + np.pi) % (2 * np.pi) - np.pi
+
+
+def slerp(q_0: Array, q_1: Array, weight: Array) -> Array:
+    """Interpolate along the great circle: weight (...) 0 gives q_0 exactly, 1 gives q_1 up to sign and rounding."""
+    step = log(relative(q_0, q_1))
+    between = multiply(q_0, exp(step * weight[..., None]))
+    return np.where((weight == 0)[..., None], q_0, between)
+
+
+def mean(q: Array) -> Array:
+    """Average over the first axis, sign-independent: (n, 4) -> (4,). Source: Markley et al. 2007, J Guid Control Dyn 30:1193, (13)."""
+    values, vectors = np.linalg.eigh(q.T @ q)
+    best: Array = vectors[:, np.argmax(values)]
+    return best * (1.0 if best[0] >= 0 else -1.0)
+
+
+def matrix(q_ab: Array) -> Array:
+    """Rotation matrix R_ab (..., 3, 3), v_a = R_ab v_b."""
+    return np.stack([rotate(q_ab, np.broadcast_to(e, (*q_ab.shape[:-1], 3))) for e in np.eye(3)], axis=-1)
+
+
+def from_matrix(R_ab: Array) -> Array:
+    """Quaternion of rotation matrices (..., 3, 3) -> (..., 4), scalar part not negative."""
+    R = np.asarray(R_ab, dtype=float)
+    flat = R.reshape(-1, 3, 3)
+    k = np.empty((len(flat), 4, 4))  # the symmetric matrix whose largest eigenvector is q: Bar-Itzhack 2000
+    k[:, 0, 0] = np.trace(flat, axis1=1, axis2=2)
+    off = np.stack([flat[:, 2, 1] - flat[:, 1, 2], flat[:, 0, 2] - flat[:, 2, 0], flat[:, 1, 0] - flat[:, 0, 1]], axis=-1)
+    k[:, 0, 1:], k[:, 1:, 0] = off, off
+    k[:, 1:, 1:] = flat + flat.transpose(0, 2, 1) - k[:, 0, 0, None, None] * np.eye(3)
+    q = np.linalg.eigh(k)[1][:, :, -1]
+    return (q * np.where(q[:, :1] < 0, -1.0, 1.0)).reshape(*R.shape[:-2], 4)
+
+
+def skew(v: Array) -> Array:
+    """Cross-product matrix (..., 3, 3): skew(v) @ u = v x u."""
+    zero = np.zeros(v.shape[:-1])
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    return np.stack([_stack(zero, -z, y), _stack(z, zero, -x), _stack(-y, x, zero)], axis=-2)
+
+
+def _components(q: Array) -> tuple[Array, Array, Array, Array]:
+    return q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+
+
+def _stack(*parts: Array) -> Array:
+    out = np.empty((*np.broadcast(*parts).shape, len(parts)))
+    for k, part in enumerate(parts):
+        out[..., k] = part
+    return out

@@ -1,0 +1,106 @@
+"""What flows: blocks of samples of a stream, and the events that say what the patient was doing.
+
+A stream is a set of sensors sampled together: one tracking system of a Motion-BIDS recording, one strip of a glove. Each keeps its own rate
+and clock; times in blocks are seconds from the start of the recording. Values are in each sensor's own frame; NaN is a missing sample.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from estimators.hand_anatomy import SEGMENTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+GYR, ACC, MAG, FORCE = "gyr", "acc", "mag", "force"
+UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N"}
+EXTRA_POINTS = ("trunk", *(f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little")))
+TRACKED_POINTS = (*SEGMENTS, *EXTRA_POINTS)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Sensors that are sampled together: which quantities they give (three axes each), how fast, by whose clock."""
+
+    name: str
+    sensors: tuple[str, ...]  # names of TRACKED_POINTS
+    quantities: tuple[str, ...]  # of GYR, ACC, MAG, FORCE
+    rate: float  # Hz, nominal
+    clock: str = "recording"
+    full_scale: Mapping[str, float] = field(default_factory=dict)  # largest value of a quantity that the sensor can give, where known
+
+    @property
+    def inertial(self) -> bool:
+        return GYR in self.quantities and ACC in self.quantities
+
+    def axes(self, quantity: str) -> slice:
+        """Where the quantity's three axes lie in the last axis of a block's values."""
+        k = 3 * self.quantities.index(quantity)
+        return slice(k, k + 3)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive samples of one stream; a recording may be cut into blocks anywhere."""
+
+    stream: Stream
+    t: Array  # (n,) s from the start of the recording, increasing
+    values: Array  # (n, sensors, 3 * quantities) SI, in the sensors' frames, NaN where missing
+
+    def of(self, quantity: str) -> Array:
+        """Values of one quantity (n, sensors, 3)."""
+        return self.values[..., self.stream.axes(quantity)]
+
+    def between(self, start: float, stop: float) -> "Block":
+        """The samples with start <= t < stop."""
+        k = np.searchsorted(self.t, [start, stop])
+        return Block(self.stream, self.t[k[0] : k[1]], self.values[k[0] : k[1]])
+
+
+@dataclass(frozen=True)
+class Event:
+    """A stretch of the recording with a meaning (trial_type of the contract: initial_pose, task, annotation, ...)."""
+
+    onset: float  # s
+    duration: float  # s
+    trial_type: str
+    details: Mapping[str, Any] = field(default_factory=dict)  # task_name, thumb_cmc_flexion_deg, ...
+
+    @property
+    def end(self) -> float:
+        return self.onset + self.duration
+
+
+class Recording(Protocol):
+    """What every kind of recording can tell (native, Motion-BIDS, simulated)."""
+
+    @property
+    def hand(self) -> Hand: ...
+
+    @property
+    def geometry(self) -> HandGeometry: ...
+
+    @property
+    def mounting(self) -> Mapping[str, Array]:
+        """Nominal sensor-to-segment rotation q_BS (4,) by tracked point; identity where absent."""
+        ...
+
+    @property
+    def streams(self) -> tuple[Stream, ...]: ...
+
+    @property
+    def events(self) -> tuple[Event, ...]: ...
+
+    @property
+    def warnings(self) -> tuple[str, ...]: ...
+
+    def blocks(self) -> Iterator[Block]:
+        """All samples, streams interleaved, each stream in order."""
+        ...
+
+
+def join(blocks: list[Block]) -> Block:
+    """One block of consecutive blocks of the same stream."""
+    return Block(blocks[0].stream, np.concatenate([b.t for b in blocks]), np.concatenate([b.values for b in blocks]))

@@ -1,0 +1,144 @@
+"""One time base: orientations of sensors with different rates and clocks, brought to the instants of the fastest stream.
+
+In      oriented samples of each stream, in order per stream, interleaved anyhow
+Out     q_GS of every segment at every sample of the reference stream, as soon as every stream has got that far
+Limits  a silent stream holds the rows up until `release` leaves it behind: its segments are then held and marked missing
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import SEGMENT, SEGMENTS
+from estimators.quaternions import Array
+from estimators.samples import Stream
+from estimators.sensor_fusion import Oriented
+from estimators.trajectory import Flag
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Oriented samples of a stream that are still needed; the first may lie before the next row to give."""
+
+    stream: Stream
+    data: Oriented
+
+    @property
+    def newest(self) -> float:
+        return float(self.data.t[-1]) if len(self.data.t) else -np.inf
+
+
+@dataclass(frozen=True)
+class State:
+    reference: str  # name of the stream whose samples make the rows
+    waiting: Mapping[str, Waiting]
+    t: float = -np.inf  # newest row given
+
+
+@dataclass(frozen=True)
+class Rows:
+    t: Array  # (n,)
+    q_GS: Array  # (n, segments, 4), NaN where no sensor
+    flags: NDArray[np.uint8]  # (n, segments)
+
+
+def start(streams: Iterable[Stream]) -> State:
+    """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's sensor where rates are equal."""
+    inertial = [s for s in streams if s.inertial and set(s.sensors) & set(SEGMENTS)]
+    return State(_reference(inertial), {s.name: Waiting(s, _nothing(len(s.sensors))) for s in inertial})
+
+
+def step(state: State, stream: Stream, fresh: Oriented) -> tuple[State, Rows]:
+    """Take fresh orientations of one stream and give out the rows that are complete."""
+    before = state.waiting.get(stream.name)
+    same = before is not None and before.stream.sensors == stream.sensors
+    data = _append(before.data, fresh) if before is not None and same else fresh
+    return _give(replace(state, waiting={**state.waiting, stream.name: Waiting(stream, data)}), np.inf)
+
+
+def release(state: State, patience: float) -> tuple[State, Rows]:
+    """Give out rows older than `patience` s against the newest, although a silent stream has not got that far.
+
+    While the reference itself is silent (its strip was pulled), the fastest stream that is not makes the rows.
+    """
+    newest = max(w.newest for w in state.waiting.values())
+    alive = [w.stream for w in state.waiting.values() if w.newest >= newest - patience]
+    return _give(replace(state, reference=_reference(alive)), patience)
+
+
+def finish(state: State) -> tuple[State, Rows]:
+    """Give out all rows: nothing more will come."""
+    return _give(state, 0.0)
+
+
+def join(pieces: list[Rows]) -> Rows:
+    """One piece of consecutive pieces."""
+    return Rows(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Rows)))
+
+
+def _reference(streams: list[Stream]) -> str:
+    """The fastest stream, with the hand's sensor where rates are equal."""
+    return max(streams, key=lambda s: (s.rate, "hand" in s.sensors)).name
+
+
+def _give(state: State, patience: float) -> tuple[State, Rows]:
+    newest = state.waiting[state.reference].newest
+    slowest = min(w.newest for w in state.waiting.values())
+    reached = max(slowest, newest - patience)
+    reference = state.waiting[state.reference]
+    row = (reference.data.t > state.t) & (reference.data.t <= reached) & reference.data.sampled
+    t = reference.data.t[row]
+    if not len(t):
+        return state, _no_rows()
+    rows = Rows(t, np.full((len(t), len(SEGMENTS), 4), np.nan), np.zeros((len(t), len(SEGMENTS)), np.uint8))
+    for waiting in state.waiting.values():
+        _place(rows, waiting)
+    kept = {name: _prune(w, reached) for name, w in state.waiting.items()}
+    return replace(state, waiting=kept, t=max(state.t, reached)), rows
+
+
+def _place(rows: Rows, waiting: Waiting) -> None:
+    """Write the stream's segments into the rows, interpolated between the samples around each instant; outside them another stream goes first."""
+    columns = [(k, SEGMENT[name]) for k, name in enumerate(waiting.stream.sensors) if name in SEGMENT]
+    data, t = waiting.data, rows.t
+    if not columns or not len(t) or not len(data.t):
+        return
+    sensors, segments = (np.array(c) for c in zip(*columns))
+    after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
+    if np.array_equal(data.t[after], t):  # the stream has samples at just these instants: the same bits without interpolation
+        rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[after][:, sensors], data.flags[after][:, sensors]
+        return
+    before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
+    span = data.t[after] - data.t[before]
+    weight = np.where(span > 0, (t - data.t[before]) / np.where(span > 0, span, 1.0), 0.0)
+    early, late = t < data.t[0] - 1.5 / waiting.stream.rate, t > data.t[-1] + 1.5 / waiting.stream.rate
+    q_GS = quat.slerp(
+        data.q_GS[before][:, sensors], data.q_GS[after][:, sensors], np.clip(weight, 0.0, 1.0)[:, None] * np.ones(len(sensors))
+    )
+    q_GS = np.where(early[:, None, None], np.nan, q_GS)
+    missing = np.where(early | late, Flag.MISSING, 0).astype(np.uint8)
+    flags = data.flags[before][:, sensors] | data.flags[after][:, sensors] | missing[:, None]
+    elsewhere = ((t < data.t[0]) | (t > data.t[-1]))[:, None] & np.isfinite(rows.q_GS[:, segments, 0])
+    rows.q_GS[:, segments] = np.where(elsewhere[..., None], rows.q_GS[:, segments], q_GS)
+    rows.flags[:, segments] = np.where(elsewhere, rows.flags[:, segments], flags)
+
+
+def _no_rows() -> Rows:
+    return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8))
+
+
+def _nothing(sensors: int) -> Oriented:
+    return Oriented(np.empty(0), np.empty((0, sensors, 4)), np.empty((0, sensors), np.uint8), np.empty(0, bool))
+
+
+def _append(a: Oriented, b: Oriented) -> Oriented:
+    return Oriented(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Oriented)))
+
+
+def _prune(waiting: Waiting, t: float) -> Waiting:
+    """Forget what lies before the last sample not after t."""
+    first = max(int(np.searchsorted(waiting.data.t, t, side="right")) - 1, 0)
+    return Waiting(waiting.stream, Oriented(*(getattr(waiting.data, f.name)[first:] for f in fields(Oriented))))

@@ -1,0 +1,96 @@
+"""The one result type: how the hand moved. Scene, measures, report and export read only this."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS, Hand
+from estimators.quaternions import Array
+
+
+class Flag(IntFlag):
+    """What is to be known about a segment's sample before it is trusted."""
+
+    MISSING = 1  # no sensor sample at this time: bridged or held
+    HEADING_LOST = 2  # a gap too long to bridge: the segment's heading is unknown until the next calibration
+    SATURATED = 4  # the gyroscope or accelerometer was at its limit
+    UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
+    MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Samples of the hand's movement; NaN where a segment is not measured."""
+
+    hand: Hand
+    t: Array  # (n,) s from the start of the recording
+    angles: Array  # (n, joints, 3) rad: flexion, deviation, pronation of hand_anatomy.JOINTS; NaN where a joint has no such freedom
+    q_GS: Array  # (n, segments, 4) segment orientations in the global frame
+    tips: Array  # (n, 5, 3) m, ends of the distal bones in the wrist frame WCS, thumb first
+    flags: NDArray[np.uint8]  # (n, segments) Flag bits
+    angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
+    tips_sd: Array | None = None  # (n, 5, 3) m
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def between(self, start: float, stop: float) -> "Trajectory":
+        """The samples with start <= t < stop."""
+        first, last = np.searchsorted(self.t, [start, stop])
+        return self._each(lambda a: a[first:last])
+
+    def reversed(self) -> "Trajectory":
+        """The same samples in reverse order."""
+        return self._each(lambda a: a[::-1])
+
+    def _each(self, change: "object") -> "Trajectory":
+        assert callable(change)
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Trajectory(**{name: change(v) if isinstance(v, np.ndarray) else v for name, v in values.items()})
+
+
+def empty(hand: Hand) -> Trajectory:
+    """A trajectory without samples."""
+    n_joints, n_segments = len(JOINTS), len(SEGMENTS)
+    return Trajectory(
+        hand,
+        np.empty(0),
+        np.empty((0, n_joints, 3)),
+        np.empty((0, n_segments, 4)),
+        np.empty((0, len(FINGERS), 3)),
+        np.empty((0, n_segments), np.uint8),
+    )
+
+
+def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
+    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that the memory is not doubled."""
+    grown: dict[str, Array] = {}
+    partial: set[str] = set()  # standard deviations that not every piece has
+    rows = 0
+    for piece in pieces:
+        if len(piece):
+            for name in (f.name for f in fields(Trajectory) if f.name != "hand"):
+                if (values := getattr(piece, name)) is None or (rows and name not in grown):
+                    partial.add(name)
+                else:
+                    grown[name] = _appended(grown.get(name), rows, values)
+            rows += len(piece)
+    if not rows:
+        return empty(hand)
+    for values in grown.values():
+        values.resize((rows, *values.shape[1:]), refcheck=False)
+    return Trajectory(hand, **{name: None if name in partial else grown[name] for name in (*grown, *partial)})  # type: ignore[arg-type]
+
+
+def _appended(grown: Array | None, rows: int, values: Array) -> Array:
+    """`values` behind the first `rows` rows of an array that owns its memory and grows in place."""
+    if grown is None:
+        grown = np.empty((0, *values.shape[1:]), values.dtype)
+    needed = rows + len(values)
+    if needed > len(grown):
+        grown.resize((max(needed, 2 * len(grown)), *grown.shape[1:]), refcheck=False)  # the system moves pages, it copies nothing
+    grown[rows:needed] = values
+    return grown
