@@ -1,0 +1,36 @@
+"""What a method knows before it starts: how each sensor sits, its bias, where it points at a given moment, the hand's geometry."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from estimators.hand_anatomy import Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+
+@dataclass(frozen=True)
+class SensorQuality:
+    """How well one sensor was calibrated."""
+
+    rate_wander: float  # rad/s, largest change of the one-second mean angular rate within the pose
+    tilt_change: float  # rad, largest change of gravity's direction within the pose
+    bias: float  # rad/s, size of the bias removed
+    misalignment: float  # rad, between the nominal mounting and the pose
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything by segment name; a segment without an entry is not measured."""
+
+    hand: Hand
+    geometry: HandGeometry
+    t: float  # s, when `q_GS` holds: the start of the pose, of its stillest stretch where it is long
+    end: float  # s, the end of that stretch; `q_GS` holds until here
+    q_GS: Mapping[str, Array]  # (4,) sensor orientations at t, headings resolved
+    q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations
+    gyr_bias: Mapping[str, Array]  # (3,) rad/s
+    source: str  # "initial pose", "none", ...
+    quality: Mapping[str, SensorQuality] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    north: Mapping[str, float] = field(default_factory=dict)  # rad, heading of magnetic north as each magnetometer saw it in the pose

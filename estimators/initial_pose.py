@@ -1,0 +1,227 @@
+"""Calibration from one pose held still: gyroscope biases, sensor headings against the hand and, if wanted, the whole sensor-to-segment rotation.
+
+In      at least 3 s of samples with index..little straight, the thumb straight and either aligned with the fingers or at a known CMC angle
+Out     Calibration: orientations of all sensors at the start of the pose, q_BS, biases, how still it was
+Source  Salchow-Hoemmen 2019, 2.4.2 (`heading`); the whole relative orientation (`full`) goes beyond the paper
+Limits  a pose that is not the one asked for becomes an offset of every angle; a slow turn about the vertical looks like a bias; of a misaligned sensor
+        the part about the vertical cannot be seen
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import joint_angles
+from estimators import quaternions as quat
+from estimators.calibration import Calibration, SensorQuality
+from estimators.errors import InputError
+from estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, MAG, Block, Event
+from estimators.sensor_fusion import complete, upright
+
+STANDARD_GRAVITY = 9.80665
+DEG = np.pi / 180
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseParams:
+    alignment: str = option(
+        "full",
+        "",
+        "what the pose fixes: each sensor's heading against the hand (the paper) or its whole orientation",
+        "Salchow-Hoemmen 2019, 2.4.2; spec 03 A",
+        ("full", "heading"),
+    )
+    pose_duration: float = option(
+        3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2"
+    )
+    pose_rate: float = option(
+        3.0, "deg/s", "largest wander of a sensor's one-second mean angular rate in a still pose", "ours: 1.5 times VQF's rest threshold"
+    )
+    pose_tilt: float = option(
+        3.0, "deg", "largest change of gravity's direction in a sensor during a still pose", "ours: the angle that 1 s at 3 deg/s makes"
+    )
+    pose_bias: float = option(
+        20.0, "deg/s", "largest mean rate that may be a gyroscope's bias", "LSM330DLC and MPU-9250 data sheets: zero-rate level 5-20 deg/s"
+    )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The pose taken: when, and the thumb's known CMC angles (all zero: aligned with the fingers)."""
+
+    onset: float  # s
+    duration: float  # s
+    thumb_cmc: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad: flexion, deviation, pronation
+
+    @property
+    def end(self) -> float:
+        return self.onset + self.duration
+
+
+def pose_of(event: Event) -> Pose:
+    """The pose that an `initial_pose` event describes (spec 04)."""
+    angles = [event.details.get(f"thumb_cmc_{name}_deg") for name in joint_angles.ANGLES]
+    try:
+        known = [0.0 if a is None else float(a) for a in angles]
+        if not np.isfinite(known).all():
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InputError(
+            f"the initial pose at {event.onset:.1f} s gives the thumb's angles {angles}; they are numbers of degrees"
+        ) from None
+    return Pose(event.onset, event.duration, (known[0] * DEG, known[1] * DEG, known[2] * DEG))
+
+
+def segments_in_pose(pose: Pose) -> dict[str, Array]:
+    """Orientation of every segment on the hand (4,) while the pose is held; the wrist is neutral."""
+    thumb = joint_angles.compose(np.array(pose.thumb_cmc))
+    return {segment: thumb if segment in CHAINS["thumb"] else quat.IDENTITY for segment in SEGMENTS}
+
+
+def calibrate(
+    params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block], pose: Pose
+) -> Calibration:
+    """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
+    window = _stillest(params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose)
+    still = {name: s for b in window for name, s in _sensors(b, params.pose_duration).items()}
+    if "hand" not in still:
+        raise InputError(
+            f"the initial pose at {pose.onset:.1f} s has no samples of the hand's sensor; every other segment is measured against it"
+        )
+    quality = {name: _quality(s) for name, s in still.items()}
+    _refuse_movement(params, quality, pose)
+    q_GS, q_BS = _orient(params, still, mounting, pose, _palm_down(hand))
+    bias = {name: s.mean[:3] for name, s in still.items()}
+    quality = {name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name]) for name, q in quality.items()}
+    start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
+    warnings, north = _warnings(still, mounting, q_GS, pose), _norths(q_GS, [b.between(start, end) for b in blocks])
+    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, "initial pose", quality, warnings, north)
+
+
+def uncalibrated(hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], sensors: Sequence[str], t: float) -> Calibration:
+    """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
+    nominal = {s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors if s in SEGMENTS}
+    return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
+
+
+def _norths(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:
+    """Heading of magnetic north (rad, from the global y axis towards x) in each magnetometer's mean over the pose."""
+    found = {}
+    for block in (b for b in blocks if MAG in b.stream.quantities):
+        for k, name in enumerate(block.stream.sensors):
+            mag = block.of(MAG)[:, k]
+            mag = mag[np.isfinite(mag).all(axis=1)]
+            if name in q_GS and len(mag):
+                x, y, _ = quat.rotate(q_GS[name], mag.mean(axis=0))
+                found[name] = float(np.arctan2(x, y))
+    return found
+
+
+@dataclass(frozen=True)
+class _Still:
+    """One sensor's samples in the pose: their mean and the means of its one-second pieces, gyroscope then accelerometer."""
+
+    mean: Array  # (6,)
+    pieces: Array  # (pieces, 6)
+
+
+def _sensors(block: Block, duration: float = 0.0) -> dict[str, _Still]:
+    """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
+    values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
+    pieces, least = max(1, round(len(block.t) / block.stream.rate)), max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate)
+    found = {}
+    whole = complete(block)
+    for k, name in enumerate(block.stream.sensors):
+        samples = values[whole[:, k], k]
+        if name in SEGMENTS and len(samples) >= least:
+            found[name] = _Still(samples.mean(axis=0), np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]))
+    return found
+
+
+def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
+    """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it is not longer."""
+    longest = max((b.t[-1] - b.t[0] + 1 / b.stream.rate for b in window if len(b.t)), default=0.0)
+    if longest < params.pose_duration - 0.05:
+        raise InputError(
+            f"the initial pose at {pose.onset:.1f} s has {longest:.1f} s of samples, {params.pose_duration:g} s are needed; hold the pose longer"
+        )
+    slack = longest - params.pose_duration
+    if slack < 0.25:
+        return window
+    starts = pose.onset + np.arange(0.0, slack, 0.1)
+    spread = [sum(_spread(b.between(s, s + params.pose_duration)) for b in window) for s in starts]
+    best = float(starts[int(np.argmin(spread))])
+    return [b.between(best, best + params.pose_duration) for b in window]
+
+
+def _spread(block: Block) -> float:
+    gyr, whole = block.of(GYR), complete(block)
+    sensors = [gyr[whole[:, k], k] for k in range(len(block.stream.sensors))]
+    return sum(float(gyr.var(axis=0).sum()) for gyr in sensors if len(gyr))
+
+
+def _quality(still: _Still) -> SensorQuality:
+    rates = still.pieces[:, :3] - still.mean[:3]
+    direction = still.pieces[:, 3:] / np.linalg.norm(still.pieces[:, 3:], axis=1, keepdims=True)
+    tilt = max(float(np.arccos(np.clip(d @ direction.T, -1, 1)).max()) for d in direction)
+    return SensorQuality(float(np.linalg.norm(rates, axis=1).max()), tilt, float(np.linalg.norm(still.mean[:3])), 0.0)
+
+
+def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], pose: Pose) -> None:
+    limits = {
+        "rate_wander": ("turned at", "deg/s", params.pose_rate),
+        "tilt_change": ("tilted by", "deg", params.pose_tilt),
+        "bias": ("turned steadily at", "deg/s", params.pose_bias),
+    }
+    for what, (verb, unit, limit) in limits.items():
+        worst = max(quality, key=lambda name: getattr(quality[name], what))
+        value = getattr(quality[worst], what) / DEG
+        if value > limit:
+            raise InputError(
+                f"the hand was not still in the initial pose at {pose.onset:.1f} s: {worst} {verb} {value:.1f} {unit} (limit {limit:g}); hold the pose still and record it again"
+            )
+
+
+def _orient(
+    params: PoseParams, still: Mapping[str, _Still], mounting: Mapping[str, Array], pose: Pose, q_GH_guess: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Sensor orientations with gravity's inclination and the pose's heading, and the sensor-to-segment rotations."""
+    nominal = {name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)) for name in still}
+    q_GS_hand = upright(quat.multiply(q_GH_guess, nominal["hand"]), still["hand"].mean[3:])
+    q_GH = quat.multiply(q_GS_hand, quat.conjugate(nominal["hand"]))
+    on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
+    for name, samples in still.items():
+        q_GB = quat.multiply(q_GH, on_hand[name])
+        q_GS[name] = upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
+        q_BS[name] = quat.relative(q_GB, q_GS[name]) if params.alignment == "full" else nominal[name]
+    return q_GS, q_BS
+
+
+def _palm_down(hand: Hand) -> Array:
+    """Orientation of a hand that lies palm down with the fingers along the global y axis: where headings start to count."""
+    sign = 1.0 if hand == "left" else -1.0
+    return quat.from_matrix(np.column_stack([(0, 0, sign), (0, sign, 0), (-1, 0, 0)]))
+
+
+def _with_misalignment(q: SensorQuality, nominal: Array, q_BS: Array) -> SensorQuality:
+    return SensorQuality(q.rate_wander, q.tilt_change, q.bias, float(quat.angle(quat.relative(nominal, q_BS))), q.warnings)
+
+
+def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: Mapping[str, Array], pose: Pose) -> tuple[str, ...]:
+    said = []
+    for name, samples in still.items():
+        g = float(np.linalg.norm(samples.mean[3:]))
+        if abs(g - STANDARD_GRAVITY) > 1.0:
+            said.append(f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {STANDARD_GRAVITY:.1f}; check its calibration")
+    return tuple(said)
+
+
+def reoriented(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
+    """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
+    still = {name: s for b in beginning for name, s in _sensors(b).items()}
+    return {name: upright(q_GS, still[name].mean[3:]) for name, q_GS in calibration.q_GS.items() if name in still}

@@ -1,0 +1,32 @@
+"""B, the baseline: orientations of the sensors from gyroscope, accelerometer and magnetometer, taken as those of the segments.
+
+In      inertial and magnetic blocks of any subset of sensors, a Calibration with the nominal mounting
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
+Source  Salchow-Hoemmen 2019, 2.4, method B: (17), (19)-(22), (23)-(27), without initial pose and joint constraints; Valtin 2017, (1)-(5)
+Limits  a sensor that sits askew or a field that is not homogeneous becomes an error of the angles
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from estimators import salchow
+from estimators.options import option
+from estimators.salchow import State as State
+from estimators.salchow import finish as finish
+from estimators.salchow import release as release
+from estimators.salchow import start as start
+from estimators.salchow import step as step
+
+TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
+NEEDS_POSE = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(salchow.Params):
+    MAGNETOMETER: ClassVar[bool] = True
+    constraints: bool = option(
+        False,
+        "",
+        "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
+        "Salchow-Hoemmen 2019, 2.4.3: only M1 and M2",
+    )

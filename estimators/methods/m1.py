@@ -1,0 +1,25 @@
+"""M1: as M2, with magnetometers keeping the headings that the pose gave.
+
+In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration from the initial pose
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
+Source  Salchow-Hoemmen 2019, 2.4, method M1: (17), (19)-(22), (23)-(27)
+Limits  as good as the magnetic field is homogeneous: near steel or devices the headings follow the disturbance
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from estimators import salchow
+from estimators.salchow import State as State
+from estimators.salchow import finish as finish
+from estimators.salchow import release as release
+from estimators.salchow import start as start
+from estimators.salchow import step as step
+
+TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
+NEEDS_POSE = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(salchow.Params):
+    MAGNETOMETER: ClassVar[bool] = True

@@ -1,0 +1,149 @@
+"""From a recording to the hand's movement: find its calibration events, calibrate, run the method."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from estimators import initial_pose, trajectory
+from estimators.calibration import Calibration
+from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENTS
+from estimators.run import run
+from estimators.samples import MAG, Block, Event, Recording, join
+from estimators.trajectory import Flag, Trajectory
+
+WITHOUT_POSE = "the recording has no initial_pose event"
+
+
+@dataclass(frozen=True)
+class Processed:
+    """What a method made of a recording."""
+
+    trajectory: Trajectory
+    calibrations: tuple[Calibration, ...]
+    warnings: tuple[str, ...]
+
+
+def process(
+    method: ModuleType,
+    params: Any,
+    recording: Recording,
+    calibration_recording: Recording | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Processed:
+    """Run a method over a recording; `progress` hears the share done, 0 to 1. InputError where the recording cannot be calibrated."""
+    _require_magnetometers(params, recording)
+    calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
+    moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
+    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *_flag_warnings(moved)]
+    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)))
+
+
+def _heard(pieces: Iterator[Trajectory], span: tuple[float, float], progress: Callable[[float], None]) -> Iterator[Trajectory]:
+    for piece in pieces:
+        if len(piece):
+            progress(float(np.clip((piece.t[-1] - span[0]) / max(span[1] - span[0], 1e-9), 0.0, 1.0)))
+        yield piece
+
+
+def calibrate(params: Any, recording: Recording, other: Recording | None = None) -> tuple[list[Calibration], list[str]]:
+    """Calibrations in order of time from the recording's initial poses, or from another recording's; a bad pose beside a good one is a warning."""
+    found: list[Calibration] = []
+    refused: list[str] = []
+    for event in _poses(recording.events):
+        try:
+            found.append(_from_pose(params, recording, event))
+        except InputError as problem:
+            refused.append(str(problem))
+    if found and other is None:
+        return found, refused
+    if other is None:
+        raise InputError(
+            refused[0] if refused else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
+        )
+    if other.hand != recording.hand:
+        raise InputError(f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one")
+    borrowed, more = calibrate(params, other)
+    return _borrowed(recording, borrowed[-1], found), refused + more
+
+
+def _without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
+    sensors = [s for stream in recording.streams if stream.inertial for s in stream.sensors]
+    start = min((float(b.t[0]) for b in recording.blocks() if b.stream.inertial and len(b.t)), default=0.0)
+    return [initial_pose.uncalibrated(recording.hand, recording.geometry, recording.mounting, sensors, start)], []
+
+
+def _require_magnetometers(params: Any, recording: Recording) -> None:
+    """InputError where the method takes headings from magnetometers and there are none."""
+    if getattr(params, "MAGNETOMETER", False) and not any(MAG in s.quantities for s in recording.streams):
+        raise InputError("the method takes headings from magnetometers and the recording has none; use m2")
+
+
+def _poses(events: Sequence[Event]) -> list[Event]:
+    return sorted((e for e in events if e.trial_type == "initial_pose"), key=lambda e: e.onset)
+
+
+def _from_pose(params: Any, recording: Recording, event: Event) -> Calibration:
+    pose = initial_pose.pose_of(event)
+    parts: dict[str, list[Block]] = {}
+    for block in recording.blocks():
+        if len((part := block.between(pose.onset, pose.end)).t):
+            parts.setdefault(block.stream.name, []).append(part)
+    window = [join(p) for p in parts.values()]
+    return initial_pose.calibrate(params, recording.hand, recording.geometry, recording.mounting, window, pose)
+
+
+def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) -> list[Calibration]:
+    """The other recording's mounting and biases; headings from this recording's own poses, or from assuming that it begins in the pose."""
+    if own:
+        return [
+            replace(
+                c,
+                q_BS={**c.q_BS, **other.q_BS},
+                gyr_bias={**other.gyr_bias, **c.gyr_bias},
+                source="initial pose, mounting from another recording",
+            )
+            for c in own
+        ]
+    first: dict[str, Block] = {}
+    for block in recording.blocks():
+        if block.stream.inertial and len(block.t):
+            first.setdefault(block.stream.name, block)
+    start = min(float(b.t[0]) for b in first.values())
+    beginning = [b.between(start, start + 0.5) for b in first.values()]
+    q_GS = initial_pose.reoriented(other, beginning)
+    warning = f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
+    return [
+        replace(
+            other,
+            t=start,
+            end=start + 0.5,
+            q_GS=q_GS,
+            geometry=recording.geometry,
+            source="another recording",
+            warnings=(*other.warnings, warning),
+        )
+    ]
+
+
+def _span(recording: Recording) -> tuple[float, float]:
+    spans = [(b.t[0], b.t[-1]) for b in recording.blocks() if len(b.t)]
+    return min(s for s, _ in spans), max(e for _, e in spans)
+
+
+def _flag_warnings(moved: Trajectory) -> list[str]:
+    words = {
+        Flag.HEADING_LOST: "lost its heading after a gap too long to bridge",
+        Flag.SATURATED: "was at its limit",
+        Flag.MISSING: "had missing samples",
+    }
+    said = []
+    for k, segment in enumerate(SEGMENTS):
+        for flag, what in words.items():
+            share = float(((moved.flags[:, k] & flag) != 0).mean()) if len(moved) else 0.0
+            if share > 0:
+                said.append(f"{segment} {what} in {100 * share:.1f} % of the samples")
+    return said

@@ -1,0 +1,66 @@
+"""Run a method over a whole recording: once for every method, the same steps as live.
+
+From one calibration to the next the method starts at the pose and steps through the blocks behind it. What lies before the first pose is gone
+through backwards from the pose's end (so that the filters settle while the hand is still): time runs the other way, so angular rates and gyroscope
+biases change their sign.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from types import ModuleType
+from typing import Any, Protocol
+
+import numpy as np
+
+from estimators import trajectory
+from estimators.calibration import Calibration
+from estimators.samples import GYR, Block, Stream
+from estimators.trajectory import Trajectory
+
+
+class Samples(Protocol):
+    """The part of a recording that a method needs; `blocks` may be called more than once."""
+
+    @property
+    def streams(self) -> tuple[Stream, ...]: ...
+
+    def blocks(self) -> Iterator[Block]: ...
+
+
+def run(method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples) -> Iterator[Trajectory]:
+    """Pieces of the trajectory in order of time; every calibration (in order of time) serves until the next one."""
+    first = calibrations[0]
+    before = [b.between(-np.inf, first.end) for b in samples.blocks() if b.stream.inertial and len(b.t) and b.t[0] < first.end]
+    if any(b.t[0] < first.t for b in before):
+        yield trajectory.join(list(_backwards(method, params, first, samples.streams, before)), first.hand).between(-np.inf, first.t)
+    ends = [c.t for c in calibrations[1:]] + [np.inf]
+    for calibration, end in zip(calibrations, ends):
+        yield from _forwards(method, params, calibration, samples.streams, (b.between(calibration.t, end) for b in samples.blocks()))
+
+
+def _forwards(
+    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: Iterable[Block]
+) -> Iterator[Trajectory]:
+    state = method.start(params, calibration, streams)
+    for block in blocks:
+        if len(block.t):
+            state, piece = method.step(params, state, block)
+            yield piece
+    _, piece = method.finish(params, state)
+    yield piece
+
+
+def _backwards(
+    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: list[Block]
+) -> Iterator[Trajectory]:
+    biases = {name: -bias for name, bias in calibration.gyr_bias.items()}
+    turned = replace(calibration, gyr_bias=biases, t=-calibration.t, end=-calibration.t)
+    pieces = list(_forwards(method, params, turned, streams, (_reversed(b) for b in reversed(blocks))))
+    for piece in reversed(pieces):
+        yield replace(piece.reversed(), t=-piece.t[::-1])
+
+
+def _reversed(block: Block) -> Block:
+    values = block.values[::-1].copy()
+    values[..., block.stream.axes(GYR)] *= -1
+    return Block(block.stream, -block.t[::-1], values)

@@ -1,0 +1,125 @@
+"""The hand from the orientations of its sensors: the pipeline that B, M1 and M2 share (estimators/methods/b.py, m1.py, m2.py).
+
+In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
+Source  Salchow-Hoemmen 2019, 2.4: (17), (18), (19)-(22), (23)-(27)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from estimators import forward_kinematics, initial_pose, joint_angles, magnetometers, sensor_fusion, time_base
+from estimators import quaternions as quat
+from estimators.calibration import Calibration
+from estimators.hand_anatomy import SEGMENT, SEGMENTS
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import Block, Stream
+from estimators.trajectory import Trajectory, empty, join
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(sensor_fusion.FusionParams, initial_pose.PoseParams):
+    MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
+    constraints: bool = option(
+        True,
+        "",
+        "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
+        "Salchow-Hoemmen 2019, 2.4.3",
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs: save it, copy it, start again from it."""
+
+    calibration: Calibration
+    q_SB: Array  # (segments, 4) segment-to-sensor rotations, identity where not measured
+    sensors: Mapping[str, sensor_fusion.StreamState]  # by stream
+    rows: time_base.State
+    magnetic: magnetometers.State | None = None  # None: headings come from the pose alone
+
+
+def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
+    """Begin at the calibration's moment."""
+    q_SB = np.tile(quat.IDENTITY, (len(SEGMENTS), 1))
+    for name, q_BS in calibration.q_BS.items():
+        q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
+    inertial = [s for s in streams if s.inertial]
+    magnetic = magnetometers.start(streams) if params.MAGNETOMETER else None
+    used = [magnetometers.joined_stream(s) for s in inertial] if params.MAGNETOMETER else inertial
+    sensors = {s.name: _sensors(params, calibration, s) for s in used}
+    return State(calibration, q_SB, sensors, time_base.start(used), magnetic)
+
+
+def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
+    """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
+    if state.magnetic is None:
+        return _fuse(params, state, [block] if block.stream.inertial else [])
+    magnetic, blocks = magnetometers.step(state.magnetic, block)
+    return _fuse(params, replace(state, magnetic=magnetic), blocks)
+
+
+def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
+    """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
+    pieces = []
+    if state.magnetic is not None:
+        magnetic, blocks = magnetometers.release(state.magnetic, patience)
+        state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
+        pieces.append(piece)
+    rows, given = time_base.release(state.rows, patience)
+    return replace(state, rows=rows), join([*pieces, _hand(params, state, given)], state.calibration.hand)
+
+
+def finish(params: Params, state: State) -> tuple[State, Trajectory]:
+    """Give out what was held back: nothing more will come."""
+    pieces = []
+    if state.magnetic is not None:
+        magnetic, blocks = magnetometers.release(state.magnetic, -np.inf)
+        state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
+        pieces.append(piece)
+    sensors, rows, last = dict(state.sensors), state.rows, []
+    for name, fusion in state.sensors.items():
+        sensors[name], oriented = sensor_fusion.finish(params, fusion)
+        rows, given = time_base.step(rows, fusion.stream, oriented)
+        last.append(given)
+    rows, given = time_base.finish(rows)
+    state = replace(state, sensors=sensors, rows=rows)
+    return state, join([*pieces, _hand(params, state, time_base.join([*last, given]))], state.calibration.hand)
+
+
+def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Trajectory]:
+    """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
+    sensors, rows, pieces = dict(state.sensors), state.rows, []
+    for block in blocks:
+        fusion = sensors.get(block.stream.name)
+        if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
+            fusion = _sensors(params, state.calibration, block.stream)
+        sensors[block.stream.name], oriented = sensor_fusion.step(params, fusion, block)
+        rows, given = time_base.step(rows, block.stream, oriented)
+        pieces.append(_hand(params, state, given))
+    return replace(state, sensors=sensors, rows=rows), join(pieces, state.calibration.hand)
+
+
+def _sensors(params: Params, calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
+    north = calibration.north if params.MAGNETOMETER else {}
+    return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north)
+
+
+def _hand(params: Params, state: State, rows: time_base.Rows) -> Trajectory:
+    """Pose of the hand from the sensors' orientations."""
+    if not len(rows.t):
+        return empty(state.calibration.hand)
+    q_GB = quat.multiply(rows.q_GS, state.q_SB)
+    angles = joint_angles.of_segments(q_GB)
+    if params.constraints:
+        angles = joint_angles.constrained(angles)
+    q_pc = joint_angles.compose(angles)
+    chained = forward_kinematics.segments_on(q_GB[:, SEGMENT["hand"]], q_pc)
+    q_GS = np.where(np.isnan(chained), q_GB, chained) if params.constraints else q_GB
+    q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
+    tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
+    return Trajectory(state.calibration.hand, rows.t, joint_angles.only_freedoms(angles), q_GS, tips, rows.flags)

@@ -1,0 +1,304 @@
+"""Orientation of every sensor of a stream in the global frame, from its gyroscope, accelerometer and, if wanted, magnetometer.
+
+In      blocks of one stream, rad/s, m/s^2 and T in the sensors' frames; NaN or a jump in time is a missing sample
+Out     q_GS: takes vectors from a sensor to the global frame (z up); flags
+Source  VQF: Laidig & Seel 2023, Information Fusion 91:187 (package vqf), successor of the filter in Salchow-Hoemmen 2019, (17) and (18);
+        the magnetometer corrects the heading only
+Limits  without magnetometer the heading drifts with what is left of the gyroscope's bias; a gap longer than `max_gap` loses it
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vqf import VQF
+
+from estimators import quaternions as quat
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, MAG, Block, Stream
+from estimators.trajectory import Flag
+
+SATURATION = 0.98  # of full scale counts as saturated: spec 05 B.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class FusionParams:
+    tau_acc: float = option(
+        3.0, "s", "time constant of the accelerometer's correction: larger trusts the gyroscope longer", "VQF default (Laidig & Seel 2023)"
+    )
+    rest_bias: bool = option(True, "", "estimate the gyroscope's bias whenever the sensor rests", "VQF default (Laidig & Seel 2023)")
+    motion_bias: bool = option(True, "", "estimate the gyroscope's bias during movement", "VQF default (Laidig & Seel 2023)")
+    rest_gyr: float = option(2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)")
+    rest_acc: float = option(0.5, "m/s^2", "largest deviation of the acceleration that counts as rest", "VQF default (Laidig & Seel 2023)")
+    tau_mag: float = option(9.0, "s", "time constant of the magnetometer's correction of the heading", "VQF default (Laidig & Seel 2023)")
+    mag_rejection: bool = option(
+        False,
+        "",
+        "leave the magnetometer out while its field differs in strength or dip from the one learnt",
+        "VQF; the paper's filter has none",
+    )
+    max_gap: float = option(
+        0.25, "s", "longest stretch of missing samples that is bridged by interpolation", "ours: docs/methods.md, lost samples"
+    )
+
+
+@dataclass(frozen=True)
+class SensorState:
+    """One sensor's filter; `filter_state` is None until its first complete sample."""
+
+    start: Array | None  # (4,) q_GS to start from, None = from the first accelerometer sample
+    bias: Array  # (3,) rad/s, subtracted before the filter
+    known_until: float = np.inf  # s, `start` holds up to here; a sensor that begins later does not know its heading
+    north: float | None = None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
+    filter_state: Mapping[str, Any] | None = None
+    last: Array | None = None  # (6,) newest complete sample, bias still in it
+    last_t: float = -np.inf
+    q_GS: Array | None = None  # (4,) newest orientation
+    lost: bool = False  # a gap was too long; true until the next calibration or magnetometer sample
+    northed: bool = False  # a magnetometer has given the heading
+    absent: bool = True  # at this moment there is nothing to bridge from
+
+
+@dataclass(frozen=True)
+class StreamState:
+    stream: Stream
+    sensors: tuple[SensorState, ...]
+    t: float = -np.inf  # newest sample seen
+    held: Block | None = None  # samples that wait until a gap at their end is over
+    held_sampled: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+
+
+@dataclass(frozen=True)
+class Oriented:
+    """Orientations at the stream's samples and at the instants where samples are missing."""
+
+    t: Array  # (n,)
+    q_GS: Array  # (n, sensors, 4)
+    flags: NDArray[np.uint8]  # (n, sensors)
+    sampled: NDArray[np.bool_]  # (n,) false at instants where the recording has no sample
+
+
+def start(
+    stream: Stream,
+    starts: Mapping[str, Array],
+    biases: Mapping[str, Array],
+    known_until: float = np.inf,
+    norths: Mapping[str, float] | None = None,
+) -> StreamState:
+    """Begin with known orientations q_GS (4,), gyroscope biases (3,) and headings of magnetic north by sensor; what is not known starts from gravity."""
+    known = norths or {}
+    sensors = (SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s)) for s in stream.sensors)
+    return StreamState(stream, tuple(sensors))
+
+
+def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
+    """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
+    block, sampled = _with_missing_instants(params, state, block)
+    block, sampled = _with_held(state, block), np.concatenate([state.held_sampled, sampled])
+    whole = complete(block)
+    return _advance(params, state, block, sampled, whole, _settled(params, state, block.t, whole))
+
+
+def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Oriented]:
+    """Give out what is still held: at the end of the recording an open gap is a loss."""
+    nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.sensors), 3 * len(state.stream.quantities))))
+    held = _with_held(state, nothing)
+    return _advance(params, state, held, state.held_sampled, complete(held), len(held.t))
+
+
+def complete(block: Block) -> NDArray[np.bool_]:
+    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
+    gyr, acc = block.of(GYR), block.of(ACC)
+    return np.asarray(np.isfinite(gyr).all(axis=-1) & np.isfinite(acc).all(axis=-1) & (acc != 0).any(axis=-1))
+
+
+def _advance(
+    params: FusionParams, state: StreamState, block: Block, sampled: NDArray[np.bool_], whole: NDArray[np.bool_], count: int
+) -> tuple[StreamState, Oriented]:
+    """Process the first `count` rows and hold the others."""
+    settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
+    sensors, q_GS = [], np.empty((count, len(state.sensors), 4))
+    flags = np.uint8(Flag.SATURATED) * _saturated(settled) | np.uint8(Flag.MISSING) * ~whole[:count]
+    for k, sensor in enumerate(state.sensors):
+        after, q_GS[:, k], more = _fuse(params, sensor, settled, whole[:count, k], k)
+        flags[:, k] |= more
+        sensors.append(after)
+    newest = float(block.t[-1]) if len(block.t) else state.t
+    after_all = StreamState(state.stream, tuple(sensors), newest, held if len(held.t) else None, sampled[count:])
+    return after_all, Oriented(settled.t, q_GS, flags, sampled[:count])
+
+
+def _with_missing_instants(params: FusionParams, state: StreamState, block: Block) -> tuple[Block, NDArray[np.bool_]]:
+    """Put rows of NaN where the stream's clock says that samples are missing; the mask tells the others."""
+    period = 1.0 / state.stream.rate
+    previous = np.concatenate([[state.t], block.t[:-1]])
+    jump = block.t - previous
+    jump[np.isinf(jump)] = period
+    counts = np.where(jump <= params.max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)).astype(int)
+    counts = np.maximum(counts, 0)
+    if not counts.any():
+        return block, np.ones(len(block.t), bool)
+    where = np.repeat(np.arange(len(block.t)), counts)
+    rank = np.arange(len(where)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    t_missing = previous[where] + rank * jump[where] / (counts[where] + 1)
+    filled = Block(block.stream, np.insert(block.t, where, t_missing), np.insert(block.values, where, np.nan, axis=0))
+    return filled, np.insert(np.ones(len(block.t), bool), where, False)
+
+
+def _with_held(state: StreamState, block: Block) -> Block:
+    if state.held is None:
+        return block
+    return Block(block.stream, np.concatenate([state.held.t, block.t]), np.concatenate([state.held.values, block.values]))
+
+
+def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[np.bool_]) -> int:
+    """How many rows can be processed: all before the first gap that is still open and may yet be bridged, cutting no other such gap."""
+    count = len(t)
+    if whole.all():
+        return count
+    while True:
+        fewer = min((_before_gap(params, s, t, c, count) for s, c in zip(state.sensors, whole.T)), default=count)
+        if fewer == count:
+            return count
+        count = fewer
+
+
+def _before_gap(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_], count: int) -> int:
+    """`count`, or where the sensor's gap begins that reaches beyond the first `count` rows and may be bridged."""
+    good = np.flatnonzero(whole[:count])
+    first = int(good[-1]) + 1 if len(good) else 0
+    if first == count:
+        return count
+    before = t[good[-1]] if len(good) else (-np.inf if sensor.absent else sensor.last_t)
+    behind = np.flatnonzero(whole[count:])
+    end = t[count + behind[0]] if len(behind) else t[-1]
+    return first if end - before <= params.max_gap else count
+
+
+def _fuse(
+    params: FusionParams, sensor: SensorState, block: Block, whole: NDArray[np.bool_], k: int
+) -> tuple[SensorState, Array, NDArray[np.uint8]]:
+    """Bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
+    n = len(block.t)
+    q_GS, flags = np.full((n, 4), np.nan), np.zeros(n, np.uint8)
+    samples = block.values[:, k, : 9 if MAG in block.stream.quantities else 6]
+    for first, last, known in _stretches(params, sensor, block.t, whole):
+        if known:
+            late = sensor.start is not None and sensor.filter_state is None and block.t[first] - sensor.known_until > params.max_gap
+            sensor = replace(sensor, lost=bool(sensor.lost or late))
+            filled = _bridged(sensor, block.t, samples, whole, first, last)
+            sensor, q_GS[first:last] = _filter(params, sensor, block, filled, first, last)
+            northed = filled.shape[1] > 6 and bool(np.isfinite(filled[:, 6:]).all(axis=1).any())
+            sensor = replace(sensor, lost=sensor.lost and not northed, northed=sensor.northed or northed)
+        else:
+            sensor = replace(sensor, absent=True, lost=sensor.lost or sensor.q_GS is not None)
+            q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
+        if sensor.lost:
+            flags[first:last] |= np.uint8(Flag.HEADING_LOST)
+        if sensor.start is None and not sensor.northed:
+            flags[first:last] |= np.uint8(Flag.UNCALIBRATED)
+    return sensor, q_GS, flags
+
+
+def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
+    """Cut rows into (first, last, known): known rows are complete or lie in a gap that is bridged."""
+    if whole.all():
+        return [(0, len(t), True)] if len(t) else []
+    known = whole.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~whole, [False]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2]):
+        before = t[first - 1] if first > 0 else (-np.inf if sensor.absent else sensor.last_t)
+        known[first:last] = last < len(t) and t[last] - before <= params.max_gap
+    cuts = [0, *(np.flatnonzero(np.diff(known.astype(int))) + 1), len(t)]
+    return [(int(a), int(b), bool(known[a])) for a, b in itertools.pairwise(cuts) if b > a]
+
+
+def _bridged(sensor: SensorState, t: Array, samples: Array, whole: NDArray[np.bool_], first: int, last: int) -> Array:
+    """Rows first..last with gaps filled in by straight lines between the samples around them."""
+    inside = samples[first:last]
+    good = whole[first:last]
+    if good.all():
+        return np.asarray(inside)
+    t_known, known = t[first:last][good], inside[good]
+    if not good[0]:
+        assert sensor.last is not None
+        t_known, known = np.concatenate([[sensor.last_t], t_known]), np.concatenate([sensor.last[None], known[:, :6]])
+    bridged = np.stack([np.interp(t[first:last], t_known, known[:, axis]) for axis in range(6)], axis=-1)
+    return np.concatenate([bridged, inside[:, 6:]], axis=-1)
+
+
+def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Array, first: int, last: int) -> tuple[SensorState, Array]:
+    vqf = VQF(
+        1.0 / block.stream.rate,
+        tauAcc=params.tau_acc,
+        motionBiasEstEnabled=params.motion_bias,
+        restBiasEstEnabled=params.rest_bias,
+        restThGyr=params.rest_gyr,
+        restThAcc=params.rest_acc,
+        tauMag=params.tau_mag,
+        magDistRejectionEnabled=params.mag_rejection,
+    )
+    vqf.state = dict(_filter_start(vqf.state, sensor, samples[0]))
+    gyr, acc = _midway(sensor, samples[:, :3]) - sensor.bias, np.ascontiguousarray(samples[:, 3:6])
+    q_GS = vqf.updateBatch(gyr, acc)["quat6D"] if samples.shape[1] == 6 else _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+    after = replace(
+        sensor, filter_state=vqf.state, last=samples[-1, :6].copy(), last_t=float(block.t[last - 1]), q_GS=q_GS[-1].copy(), absent=False
+    )
+    return after, q_GS
+
+
+def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> Array:
+    """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on."""
+    known = np.asarray(np.isfinite(mag).all(axis=1))
+    cuts = [0, *(np.flatnonzero(np.diff(known.astype(int))) + 1), len(mag)]
+    pieces = []
+    for first, last in itertools.pairwise(cuts):
+        if known[first]:
+            pieces.append(vqf.updateBatch(gyr[first:last], acc[first:last], mag[first:last] * 1e6)["quat9D"])
+        else:
+            turned = quat.about(2, np.array(vqf.state["delta"]))
+            pieces.append(quat.multiply(turned, vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"]))
+    q_GS = np.concatenate(pieces)
+    return q_GS if sensor.north is None else quat.multiply(quat.about(2, np.array(-sensor.north)), q_GS)
+
+
+def _midway(sensor: SensorState, gyr: Array) -> Array:
+    """Rates (n, 3) halfway between a sample and the one before: the filter turns by rate times period, and a sample's own rate would run half a
+    period ahead (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
+    before = gyr[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3]
+    return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[:-1]])))
+
+
+def _filter_start(fresh: Mapping[str, Any], sensor: SensorState, sample: Array) -> Mapping[str, Any]:
+    """The filter's state to go on from: its own, or after a long gap a fresh one with the old heading, bias and the new inclination."""
+    if sensor.filter_state is not None and not sensor.absent:
+        return sensor.filter_state
+    if sensor.filter_state is None:
+        q = sensor.start if sensor.start is not None else upright(np.array([1.0, 0, 0, 0]), sample[3:6])
+        return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
+    assert sensor.q_GS is not None
+    kept = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
+    q_6D = quat.multiply(quat.about(2, np.array((sensor.north or 0.0) - kept["delta"])), sensor.q_GS)  # before the magnetometer's turn
+    return {**fresh, **kept, "accQuat": [float(x) for x in upright(q_6D, sample[3:6])]}
+
+
+def upright(q_GS: Array, acc: Array) -> Array:
+    """Turn an orientation (4,) the shortest way so that the specific force acc (3,) of a resting sensor points up."""
+    up = quat.rotate(q_GS, acc / np.linalg.norm(acc))
+    tilt = np.array([1.0 + up[2], up[1], -up[0], 0.0])
+    if up[2] < -1 + 1e-12:
+        tilt = np.array([0.0, 1.0, 0.0, 0.0])
+    return quat.normalize(quat.multiply(quat.normalize(tilt), q_GS))
+
+
+def _saturated(block: Block) -> NDArray[np.bool_]:
+    """Which rows (n, sensors) have a value at the sensor's limit."""
+    hit = np.zeros(block.values.shape[:2], dtype=bool)
+    for quantity in (GYR, ACC):
+        if quantity in block.stream.full_scale:
+            hit |= (np.abs(block.of(quantity)) >= SATURATION * block.stream.full_scale[quantity]).any(axis=-1)
+    return hit

@@ -1,0 +1,83 @@
+"""From a recording to the hand's movement: which calibration is taken, and what is said about it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators.errors import InputError
+from estimators.methods import m2
+from estimators.processing import process
+from estimators.samples import Block, Event
+from estimators.simulation.scenario import Simulated
+from tests.simulated import DEG, assert_same, pose_and_wiggle, tracked, with_samples
+
+PARAMS = m2.Params()
+TOO_SHORT = Event(2.0, 1.0, "initial_pose")
+
+
+def _without_pose(recording: Simulated) -> Simulated:
+    """What is left from the middle of the pose on, and nothing that says so."""
+    later = with_samples(recording, {name: b.between(2.0, np.inf) for name, b in recording.samples.items()})
+    return replace(later, events=(), truth=recording.truth.between(2.0, np.inf))
+
+
+def test_the_initial_pose_is_found_by_itself(simulated: Simulated) -> None:
+    done = process(m2, PARAMS, simulated)
+    assert_same(done.trajectory, tracked(simulated))
+    assert [c.source for c in done.calibrations] == ["initial pose"]
+    assert done.warnings == ()
+
+
+def test_progress_grows_to_the_whole() -> None:
+    heard: list[float] = []
+    process(m2, PARAMS, pose_and_wiggle("left"), progress=heard.append)
+    assert heard == sorted(heard)
+    assert heard[-1] == pytest.approx(1.0)
+
+
+def test_a_bad_pose_beside_a_good_one_is_a_warning() -> None:
+    recording = pose_and_wiggle("left")
+    done = process(m2, PARAMS, replace(recording, events=(*recording.events, TOO_SHORT)))
+    assert len(done.calibrations) == 1
+    assert "1.0 s of samples" in done.warnings[0]
+
+
+def test_a_recording_whose_only_pose_is_bad_is_refused_with_its_fault() -> None:
+    with pytest.raises(InputError, match=r"1\.0 s of samples"):
+        process(m2, PARAMS, replace(pose_and_wiggle("left"), events=(TOO_SHORT,)))
+
+
+def test_a_recording_without_a_pose_is_refused_with_what_to_do() -> None:
+    with pytest.raises(InputError, match="no initial_pose event; record 3 s of it, or take one from another recording with --calibration"):
+        process(m2, PARAMS, _without_pose(pose_and_wiggle("left")))
+
+
+def test_the_pose_may_come_from_another_recording() -> None:
+    recording = _without_pose(pose_and_wiggle("left"))
+    done = process(m2, PARAMS, recording, pose_and_wiggle("left"))
+    assert np.nanmax(np.abs(done.trajectory.angles - recording.truth.angles)) < 0.5 * DEG
+    assert done.calibrations[0].source == "another recording"
+    assert any("begins in the pose" in w for w in done.warnings)
+
+
+def test_a_pose_of_the_other_hand_is_refused() -> None:
+    with pytest.raises(InputError, match="right hand, the recording of the left"):
+        process(m2, PARAMS, _without_pose(pose_and_wiggle("left")), pose_and_wiggle("right"))
+
+
+def test_what_was_missing_lost_or_at_its_limit_is_told_by_segment() -> None:
+    recording = pose_and_wiggle("left")
+    imu = recording.samples["imu"]
+    values = imu.values.copy()
+    names = imu.stream.sensors
+    values[1000:1005, names.index("ring_middle")] = np.nan
+    values[1100:1200, names.index("little_distal")] = np.nan
+    values[900, names.index("thumb_distal"), 0] = imu.stream.full_scale["gyr"]
+    done = process(m2, PARAMS, with_samples(recording, {**recording.samples, "imu": Block(imu.stream, imu.t, values)}))
+    assert set(done.warnings) == {
+        "thumb_distal was at its limit in 0.1 % of the samples",
+        "ring_middle had missing samples in 0.4 % of the samples",
+        "little_distal had missing samples in 7.0 % of the samples",
+        "little_distal lost its heading after a gap too long to bridge in 22.5 % of the samples",
+    }

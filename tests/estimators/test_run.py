@@ -1,0 +1,70 @@
+"""A whole recording: backwards before the first pose, one calibration after the other."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from estimators import initial_pose, run, trajectory
+from estimators.hand_geometry import sized
+from estimators.methods import m2
+from estimators.samples import Block
+from estimators.simulation.scenario import Simulated, simulate
+from estimators.simulation.sensors import IDEAL
+from tests.simulated import DEG, STRIPS, Samples, assert_same, calibrated, in_strips, pose_and_wiggle, tracked
+
+
+def _wiggle_first() -> Simulated:
+    return simulate(["wiggle", "initial_pose"], "left", sized("left"), np.random.default_rng(5), IDEAL, rate=100.0, forearm_rate=60.0)
+
+
+def test_what_lies_before_the_pose_is_recovered_backwards() -> None:
+    recording = _wiggle_first()
+    moved = tracked(recording)
+    assert calibrated(recording).t > 9.0
+    np.testing.assert_array_equal(moved.t, recording.truth.t)
+    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.15 * DEG
+    assert np.abs(moved.tips - recording.truth.tips).max() < 0.15e-3
+
+
+def test_backwards_a_bias_has_the_other_sign() -> None:
+    recording = _wiggle_first()
+    biased = {}
+    for name, block in recording.samples.items():
+        values = block.values.copy()
+        values[..., :3] += 2 * DEG * np.array([1.0, -0.5, 0.7])
+        biased[name] = Block(block.stream, block.t, values)
+    moved = tracked(replace(recording, samples=biased), m2.Params(rest_bias=False, motion_bias=False))
+    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.15 * DEG
+
+
+def test_every_sample_of_the_reference_makes_one_row_and_order_is_kept() -> None:
+    moved = tracked(in_strips("left"))
+    np.testing.assert_array_equal(moved.t, in_strips("left").samples["hand"].t)
+
+
+def test_each_calibration_serves_until_the_next() -> None:
+    recording = simulate(["initial_pose", "wiggle", "initial_pose"], "left", sized("left"), np.random.default_rng(5), IDEAL)
+    events = [e for e in recording.events if e.trial_type == "initial_pose"]
+    blocks, params = list(recording.samples.values()), m2.Params()
+    both = [initial_pose.calibrate(params, "left", recording.geometry, {}, blocks, initial_pose.pose_of(e)) for e in events]
+    moved = trajectory.join(list(run.run(m2, params, both, recording)), "left")
+    alone = trajectory.join(list(run.run(m2, params, both[:1], recording)), "left")
+    np.testing.assert_array_equal(moved.t, recording.truth.t)
+    second = moved.t >= both[1].t
+    assert_same(moved.between(-np.inf, both[1].t), alone.between(-np.inf, both[1].t))
+    assert not np.array_equal(moved.q_GS[second], alone.q_GS[second])
+    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.15 * DEG
+
+
+def test_empty_blocks_and_streams_without_samples_change_nothing() -> None:
+    recording = pose_and_wiggle("left")
+    blocks = list(recording.blocks())
+    nothing = [b.between(1e9, 2e9) for b in blocks]
+    params, found = m2.Params(), calibrated(recording)
+    padded = Samples(recording.streams, (*nothing, *blocks, *nothing))
+    assert_same(trajectory.join(list(run.run(m2, params, [found], padded)), "left"), tracked(recording))
+
+
+def test_strips_and_one_big_stream_give_the_same_bits() -> None:
+    assert set(in_strips("left").samples) == set(STRIPS)
+    assert_same(tracked(in_strips("left")), tracked(pose_and_wiggle("left")))
