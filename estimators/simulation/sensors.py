@@ -1,0 +1,230 @@
+"""Inertial and magnetic sensors on the segments: where they sit, how the skin carries them, how they err, what they read.
+
+Out     gyroscope w_GS_S (rad/s), accelerometer R_SG (a + g) (m/s^2, specific force: +g upwards at rest), magnetometer R_SG B(p) (T), all in sensor
+        frames and with the errors drawn for each sensor
+Source  every error size is an option with its source; sensors on skin that follows the joint are moved exactly, with all their accelerations
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
+from estimators.hand_geometry import HandGeometry
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.simulation.kinematics import Kinematics
+from estimators.simulation.magnetic_field import MagneticField
+
+GRAVITY = 9.80665
+MPU9250 = "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1-3"
+CALIBRATED = "left after the strip's calibration (Salchow-Hoemmen 2019, 2.1: sensors calibrated once); size ours"
+WALK_LENGTH = 7200  # s of bias random walk drawn for each sensor; it stays where it is afterwards
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorErrors:
+    """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
+
+    gyr_noise: float = option(0.01, "deg/s/sqrt(Hz)", "white noise density of the gyroscope", MPU9250)
+    acc_noise: float = option(300e-6, "g/sqrt(Hz)", "white noise density of the accelerometer", MPU9250)
+    mag_noise: float = option(0.6, "uT", "noise of one magnetometer sample", f"4 counts of 0.15 uT, {MPU9250}; number of counts ours")
+    gyr_bias: float = option(0.5, "deg/s", "bias of the gyroscope", CALIBRATED)
+    acc_bias: float = option(0.05, "m/s^2", "bias of the accelerometer", CALIBRATED)
+    mag_bias: float = option(1.0, "uT", "bias of the magnetometer", CALIBRATED)
+    gyr_bias_walk: float = option(
+        0.001, "deg/s/sqrt(s)", "random walk of the gyroscope's bias", "Allan deviations of consumer MEMS, about 10 deg/h; size ours"
+    )
+    gyr_scale: float = option(0.003, "1", "scale error of each gyroscope axis", CALIBRATED)
+    acc_scale: float = option(0.003, "1", "scale error of each accelerometer axis", CALIBRATED)
+    mag_scale: float = option(0.01, "1", "scale error of each magnetometer axis", CALIBRATED)
+    cross_axis: float = option(0.003, "1", "share of another axis in each axis", CALIBRATED)
+    misalignment: float = option(
+        7.5, "deg", "middle of the angle of the sensor against its segment, about a random axis", "Salchow-Hoemmen 2019, 5: 5 to 10 deg"
+    )
+    misalignment_width: float = option(
+        2.5, "deg", "largest difference from that angle, evenly spread", "Salchow-Hoemmen 2019, 5: 5 to 10 deg"
+    )
+    skin_angle: float = option(
+        2.0, "deg", "turn of the sensor on its segment for 90 deg of flexion, about a random axis", "skin moves with the joint; size ours"
+    )
+    skin_shift: float = option(
+        1.0, "mm", "slide of the sensor along its segment for 90 deg of flexion", "skin moves with the joint; size ours"
+    )
+    gyr_range: float = option(2000.0, "deg/s", "full scale of the gyroscope", MPU9250)
+    acc_range: float = option(16.0, "g", "full scale of the accelerometer", MPU9250)
+    mag_range: float = option(4800.0, "uT", "full scale of the magnetometer", MPU9250)
+    bits: int = option(16, "bit", "resolution of gyroscope and accelerometer; 0 = not rounded", MPU9250)
+
+
+IDEAL = SensorErrors(
+    **dict.fromkeys(
+        (
+            "gyr_noise",
+            "acc_noise",
+            "mag_noise",
+            "gyr_bias",
+            "acc_bias",
+            "mag_bias",
+            "gyr_bias_walk",
+            "gyr_scale",
+            "acc_scale",
+            "mag_scale",
+            "cross_axis",
+            "misalignment",
+            "misalignment_width",
+            "skin_angle",
+            "skin_shift",
+        ),
+        0.0,
+    ),
+    bits=0,
+)
+LSM330DLC = "LSM330DLC data sheet; HMC5983 data sheet; Kortier thesis ch. 2"
+LSM330DLC_HMC5983 = SensorErrors(gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0)
+PRESETS = {"MPU-9250": SensorErrors(), "LSM330DLC/HMC5983": LSM330DLC_HMC5983, "ideal": IDEAL}
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """Sensors as mounted, errors drawn: rows belong to `segments`."""
+
+    segments: tuple[str, ...]
+    q_BS: Array  # (sensors, 4) true sensor-to-segment rotation of the straight hand, misalignment included
+    nominal: Array  # (sensors, 4) mounting as configured
+    p_BS: Array  # (sensors, 3) m, lever arm from the segment's origin in its frame, of the straight hand
+    skin_turn: Array  # (sensors, 3) rad of turn on the segment per rad of flexion, in the segment's frame
+    skin_slide: Array  # (sensors, 3) m of slide per rad of flexion, in the segment's frame
+    bias: Array  # (sensors, 9) gyroscope rad/s, accelerometer m/s^2, magnetometer T
+    matrix: Array  # (3 quantities, sensors, 3, 3) scale and cross-axis: reading = matrix @ truth + bias
+    walk: Array  # (WALK_LENGTH + 1, sensors, 3) rad/s, the gyroscope bias's walk at full seconds
+    errors: SensorErrors
+
+
+def mounted(
+    segments: Sequence[str], geometry: HandGeometry, errors: SensorErrors, rng: np.random.Generator, nominal: Array | None = None
+) -> SensorSet:
+    """Put sensors on the middle of the phalanges' backs, the hand's back and the forearm near the wrist, and draw their errors."""
+    n, e = len(segments), errors
+    straight = np.tile(quat.IDENTITY, (n, 1)) if nominal is None else nominal
+    angle = np.radians(e.misalignment + e.misalignment_width * rng.uniform(-1, 1, (n, 1)))
+    tilt = quat.exp(angle * _directions(rng, n))
+    sizes = np.repeat([np.radians(e.gyr_bias), e.acc_bias, e.mag_bias * 1e-6], 3)
+    slide = side_sign(geometry.hand) * np.array([0.0, e.skin_shift * 1e-3 / (np.pi / 2), 0.0]) * rng.uniform(-1, 1, (n, 1))
+    steps = np.radians(e.gyr_bias_walk) * rng.normal(size=(WALK_LENGTH, n, 3))
+    return SensorSet(
+        tuple(segments),
+        quat.multiply(tilt, straight),
+        straight,
+        np.array([_lever_arm(s, geometry) for s in segments]),
+        np.radians(e.skin_angle) / (np.pi / 2) * _directions(rng, n),
+        slide,
+        sizes * rng.normal(size=(n, 9)),
+        np.stack([_matrices(rng, n, scale, e.cross_axis) for scale in (e.gyr_scale, e.acc_scale, e.mag_scale)]),
+        np.concatenate([np.zeros((1, n, 3)), np.cumsum(steps, axis=0)]),
+        e,
+    )
+
+
+def inertial(sensors: SensorSet, k: Kinematics, rate: float, rng: np.random.Generator) -> Array:
+    """Readings (n, sensors, 6): gyroscope and accelerometer at the instants of the kinematics, `rate` Hz for the noise's bandwidth."""
+    carried = _carried(sensors, k)
+    e, bandwidth = sensors.errors, np.sqrt(rate / 2)
+    gyr = _distorted(sensors, 0, quat.rotate(carried.q_SG, carried.w)) + sensors.bias[:, :3] + _walked(sensors, k.t)
+    acc = _distorted(sensors, 1, quat.rotate(carried.q_SG, carried.a + np.array([0, 0, GRAVITY]))) + sensors.bias[:, 3:6]
+    gyr += np.radians(e.gyr_noise) * bandwidth * rng.normal(size=gyr.shape)
+    acc += e.acc_noise * GRAVITY * bandwidth * rng.normal(size=acc.shape)
+    return np.concatenate([_converted(gyr, np.radians(e.gyr_range), e.bits), _converted(acc, e.acc_range * GRAVITY, e.bits)], axis=-1)
+
+
+def magnetic(sensors: SensorSet, k: Kinematics, field: MagneticField, rng: np.random.Generator) -> Array:
+    """Magnetometer readings (n, sensors, 3) in T at the instants of the kinematics."""
+    carried = _carried(sensors, k)
+    e = sensors.errors
+    mag = _distorted(sensors, 2, quat.rotate(carried.q_SG, field.at(carried.p))) + sensors.bias[:, 6:]
+    return _converted(mag + e.mag_noise * 1e-6 * rng.normal(size=mag.shape), e.mag_range * 1e-6, e.bits)
+
+
+def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
+    """True sensor-to-segment rotations q_BS (n, sensors, 4) at the instants of the kinematics, skin included."""
+    flexion = _flexions(sensors, k)[0]
+    return quat.multiply(quat.exp(flexion[..., None] * sensors.skin_turn), sensors.q_BS)
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """Sensors moved along (n, sensors, ...) in the global frame."""
+
+    q_SG: Array
+    w: Array
+    p: Array
+    a: Array
+
+
+def _carried(sensors: SensorSet, k: Kinematics) -> _Carried:
+    """Rigid-body motion of the segment plus the skin's own: Coriolis and Euler terms included."""
+    s = np.array([SEGMENT[name] for name in sensors.segments])
+    q_GB, w, dw = k.q_GB[:, s], k.w[:, s], k.dw[:, s]
+    flexion, rate, acceleration = (f[..., None] for f in _flexions(sensors, k))
+    arm = quat.rotate(q_GB, sensors.p_BS + flexion * sensors.skin_slide)
+    drift, push = quat.rotate(q_GB, rate * sensors.skin_slide), quat.rotate(q_GB, acceleration * sensors.skin_slide)
+    a = k.a[:, s] + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)) + 2 * np.cross(w, drift) + push
+    q_BS = quat.multiply(quat.exp(flexion * sensors.skin_turn), sensors.q_BS)
+    w_GS = w + quat.rotate(q_GB, rate * sensors.skin_turn)  # the turn's axis is fixed on the segment
+    return _Carried(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
+
+
+def _flexions(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array, Array]:
+    """Flexion of the joint that moves each sensor's skin (n, sensors), with its first and second derivatives."""
+    j = np.array([JOINT[_skin_joint(name)] for name in sensors.segments])
+    return k.angles[:, j, FLEXION], k.rates[:, j, FLEXION], k.accelerations[:, j, FLEXION]
+
+
+def _skin_joint(segment: str) -> str:
+    """The joint whose flexion pulls the skin under a segment's sensor."""
+    if segment == "forearm":
+        return "wrist"
+    return next((j.name for j in JOINTS if j.child == segment and segment != "hand"), "middle_mcp")
+
+
+def _distorted(sensors: SensorSet, quantity: int, truth: Array) -> Array:
+    m = sensors.matrix[quantity]
+    return np.asarray((m * truth[..., None, :]).sum(axis=-1))
+
+
+def _walked(sensors: SensorSet, t: Array) -> Array:
+    """The gyroscope bias's walk (n, sensors, 3) at the instants t."""
+    place = np.clip(t, 0.0, len(sensors.walk) - 1.001)
+    before = place.astype(int)
+    share = (place - before)[:, None, None]
+    return np.asarray(sensors.walk[before] * (1 - share) + sensors.walk[before + 1] * share)
+
+
+def _converted(values: Array, limit: float, bits: int) -> Array:
+    """Clipped at full scale and rounded to the converter's counts."""
+    clipped = np.clip(values, -limit, limit)
+    if not bits:
+        return np.asarray(clipped)
+    count = limit / 2 ** (bits - 1)
+    return np.asarray(np.rint(clipped / count) * count)
+
+
+def _matrices(rng: np.random.Generator, n: int, scale: float, cross: float) -> Array:
+    errors = cross * rng.normal(size=(n, 3, 3))
+    errors[:, range(3), range(3)] = scale * rng.normal(size=(n, 3))
+    return np.eye(3) + errors
+
+
+def _directions(rng: np.random.Generator, n: int) -> Array:
+    """Unit vectors (n, 3) evenly spread over all directions."""
+    v = rng.normal(size=(n, 3))
+    return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True))
+
+
+def _lever_arm(segment: str, geometry: HandGeometry) -> Array:
+    dorsal_distal = {"hand": (0.015, -0.5 * geometry.palm_length), "forearm": (0.025, -0.05)}.get(
+        segment, (0.008, -0.5 * geometry.lengths[segment])
+    )
+    return side_sign(geometry.hand) * np.array([*dorsal_distal, 0.0])

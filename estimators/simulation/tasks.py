@@ -1,0 +1,205 @@
+"""What the simulated person can do: each task is a motion that begins and ends in the relaxed posture, with the events that describe it.
+
+Speeds and extents are those of the protocols: joint rates below 2 rad/s for guided movements (Salchow-Hoemmen 2019, 3.1.3), tapping at 2.5 Hz
+(healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz: spec 05 B.4), repetitions three.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.hand_anatomy import FINGERS
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+from estimators.samples import Event
+from estimators.simulation.grasp import pinch
+from estimators.simulation.motion import COORDINATES, Motion, posture, through
+
+POSE_THUMB = (
+    0.0,
+    -45.0,
+    60.0,
+)  # deg: the thumb of the flat pose, spread 45 deg to the side; turned 60 against the fingers (80 in opposition: Cooney 1981)
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A task performed: the motion and what to write into the recording's events."""
+
+    motion: Motion
+    events: tuple[Event, ...]
+
+
+def relaxed() -> Array:
+    """The resting hand: slightly bent fingers, thumb half opposed, forearm level."""
+    fingers = {f"{f}_{j}_flexion": a for f in FINGERS[1:] for j, a in (("mcp", 22.0), ("pip", 28.0), ("dip", 12.0))}
+    return posture(
+        None,
+        **fingers,
+        thumb_cmc_flexion=25.0,
+        thumb_cmc_deviation=-25.0,
+        thumb_cmc_pronation=60.0,
+        thumb_mcp_flexion=12.0,
+        thumb_ip_flexion=10.0,
+    )
+
+
+def flat() -> Array:
+    """The initial pose: fingers straight and together, thumb straight and spread 45 deg."""
+    flexion, deviation, pronation = POSE_THUMB
+    return posture(None, thumb_cmc_flexion=flexion, thumb_cmc_deviation=deviation, thumb_cmc_pronation=pronation)
+
+
+def fist() -> Array:
+    """All joints of the fingers bent, the thumb over them."""
+    fingers = {f"{f}_{j}_flexion": a for f in FINGERS[1:] for j, a in (("mcp", 80.0), ("pip", 95.0), ("dip", 60.0))}
+    return posture(
+        None,
+        **fingers,
+        thumb_cmc_flexion=40.0,
+        thumb_cmc_deviation=-10.0,
+        thumb_cmc_pronation=85.0,
+        thumb_mcp_flexion=35.0,
+        thumb_ip_flexion=40.0,
+    )
+
+
+def stretched() -> Array:
+    """As flat as it goes: MCP a little beyond straight."""
+    return posture(flat(), **{f"{f}_mcp_flexion": -12.0 for f in FINGERS[1:]})
+
+
+def spread() -> Array:
+    """Fingers apart: the spread between neighbours of Chatzioglou 2024 (17, 14, 32 deg)."""
+    deviations = {"index": -17.0, "middle": 0.0, "ring": 14.0, "little": 40.0}
+    return posture(flat(), **{f"{f}_mcp_deviation": d for f, d in deviations.items()}, thumb_cmc_deviation=-60.0)
+
+
+def initial_pose(geometry: HandGeometry, duration: float = 6.0) -> Performance:
+    """The flat pose, held; the event is the part held still."""
+    angles = dict(zip(("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"), POSE_THUMB))
+    motion = through([(0.0, relaxed()), (1.2, flat()), (duration - 1.0, flat()), (duration, relaxed())])
+    return Performance(motion, (Event(1.5, duration - 3.0, "initial_pose", angles),))
+
+
+def range_of_motion(geometry: HandGeometry, repetitions: int = 3) -> Performance:
+    """Fist and stretch, spread and close, thumb across, wrist up and down and sideways; each three times, ends held 0.6 s."""
+    return _back_and_forth("rom", [*_fist_pair(), *_spread_pair(), *_thumb_pair(), *_wrist_pairs()], repetitions)
+
+
+def fist_and_stretch(geometry: HandGeometry, repetitions: int = 3) -> Performance:
+    """A full fist, then all fingers stretched."""
+    return _back_and_forth("rom_fist", _fist_pair(), repetitions)
+
+
+def spread_and_close(geometry: HandGeometry, repetitions: int = 3) -> Performance:
+    """Straight fingers apart and together."""
+    return _back_and_forth("rom_spread", _spread_pair(), repetitions)
+
+
+def thumb_across_and_away(geometry: HandGeometry, repetitions: int = 3) -> Performance:
+    """The thumb across the palm, then stretched away."""
+    return _back_and_forth("rom_thumb", _thumb_pair(), repetitions)
+
+
+def wrist_all_ways(geometry: HandGeometry, repetitions: int = 3) -> Performance:
+    """The wrist down and up, then to either side."""
+    return _back_and_forth("rom_wrist", _wrist_pairs(), repetitions)
+
+
+def tapping(geometry: HandGeometry, duration: float = 15.0, rate: float = 2.5, opening: float = 35.0) -> Performance:
+    """Index finger tapping on the thumb, as wide and fast as possible; the index opens by `opening` deg at its MCP joint."""
+    closed = pinch(geometry, "index", base=relaxed())
+    index, thumb = ("index_mcp_flexion", "index_pip_flexion"), ("thumb_cmc_deviation",)
+    opened = closed.copy()
+    for name, change in ((index[0], -opening), (index[1], -0.5 * opening), (thumb[0], -0.35 * opening)):
+        opened[COORDINATES[name]] += np.radians(change)
+    points, half = [(0.0, relaxed()), (1.0, closed)], 0.5 / rate
+    for k in range(int(duration * rate)):
+        points += [(1.0 + (2 * k + 1) * half, opened), (1.0 + (2 * k + 2) * half, closed)]
+    end = points[-1][0]
+    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(1.0, end - 1.0, "task", {"task_name": "tapping"}),))
+
+
+def open_close(geometry: HandGeometry, duration: float = 15.0, rate: float = 1.0) -> Performance:
+    """Opening and closing the hand."""
+    points = [(0.0, relaxed()), (1.0, stretched())]
+    for k in range(int(duration * rate)):
+        points += [(1.0 + (k + 0.5) / rate, fist()), (1.0 + (k + 1) / rate, stretched())]
+    end = points[-1][0]
+    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(1.0, end - 1.0, "task", {"task_name": "open_close"}),))
+
+
+def rest(geometry: HandGeometry, duration: float = 10.0) -> Performance:
+    """The relaxed hand, not moving."""
+    return Performance(through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),))
+
+
+def wiggle(geometry: HandGeometry) -> Performance:
+    """One finger after the other bends: what is asked for when the sensors are checked."""
+    points, t = [(0.0, relaxed())], 0.4
+    for f in FINGERS:
+        names = ("thumb_mcp_flexion", "thumb_ip_flexion") if f == "thumb" else (f"{f}_mcp_flexion", f"{f}_pip_flexion", f"{f}_dip_flexion")
+        bent = relaxed()
+        for name in names:
+            bent[COORDINATES[name]] += np.radians(35.0)
+        points += [(t, relaxed()), (t + 0.7, bent), (t + 1.4, relaxed())]
+        t += 1.6
+    return Performance(through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),))
+
+
+TASKS: Mapping[str, Callable[..., Performance]] = {
+    "initial_pose": initial_pose,
+    "rom": range_of_motion,
+    "rom_fist": fist_and_stretch,
+    "rom_spread": spread_and_close,
+    "rom_thumb": thumb_across_and_away,
+    "rom_wrist": wrist_all_ways,
+    "tapping": tapping,
+    "open_close": open_close,
+    "rest": rest,
+    "wiggle": wiggle,
+}
+
+
+def _back_and_forth(task: str, pairs: list[tuple[Array, Array]], repetitions: int) -> Performance:
+    """Each pair of postures in turn, `repetitions` times; 1.6 s there, held 0.6 s."""
+    points, t = [(0.0, relaxed()), (1.0, flat())], 1.0
+    for pair in pairs:
+        for _ in range(repetitions):
+            for target in pair:
+                points += [(t + 1.6, target), (t + 2.2, target)]
+                t += 2.2
+    motion = through([*points, (t + 1.2, relaxed())])
+    return Performance(motion, (Event(1.0, t - 1.0, "task", {"task_name": task}),))
+
+
+def _fist_pair() -> list[tuple[Array, Array]]:
+    return [(fist(), stretched())]
+
+
+def _spread_pair() -> list[tuple[Array, Array]]:
+    return [(spread(), flat())]
+
+
+def _thumb_pair() -> list[tuple[Array, Array]]:
+    return [(_across(), _away())]
+
+
+def _wrist_pairs() -> list[tuple[Array, Array]]:
+    return [(_wrist(flexion=50.0), _wrist(flexion=-45.0)), (_wrist(deviation=25.0), _wrist(deviation=-15.0))]
+
+
+def _across() -> Array:
+    return posture(
+        flat(), thumb_cmc_flexion=45.0, thumb_cmc_deviation=10.0, thumb_cmc_pronation=95.0, thumb_mcp_flexion=50.0, thumb_ip_flexion=65.0
+    )
+
+
+def _away() -> Array:
+    return posture(flat(), thumb_cmc_deviation=-60.0, thumb_mcp_flexion=-8.0, thumb_ip_flexion=-10.0)
+
+
+def _wrist(flexion: float = 0.0, deviation: float = 0.0) -> Array:
+    return posture(flat(), wrist_flexion=flexion, wrist_deviation=deviation)

@@ -1,0 +1,108 @@
+"""What the simulated person does: where tasks begin and end, how fast, and within which ranges."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimators.hand_anatomy import IS_DOF, JOINTS, LIMITS
+from estimators.hand_geometry import sized
+from estimators.simulation import tasks
+from estimators.simulation.grasp import pinch, reach, tips_of
+from estimators.simulation.motion import COORDINATES, posture
+from tests.simulated import DEG
+
+every_task = pytest.mark.parametrize("name", tasks.TASKS)
+GUIDED = [name for name in tasks.TASKS if name not in ("tapping", "open_close")]
+
+
+def _sampled(name: str, hand: Any = "left") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    motion = tasks.TASKS[name](sized(hand)).motion
+    return motion.at(np.linspace(0.0, motion.duration, 4001))
+
+
+@every_task
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_every_task_begins_and_ends_at_rest_in_the_relaxed_posture(name: str, hand: Any) -> None:
+    x, dx, ddx = _sampled(name, hand)
+    for k in (0, -1):
+        np.testing.assert_allclose(x[k], tasks.relaxed(), atol=1e-9)
+        np.testing.assert_allclose(dx[k], 0.0, atol=1e-6)
+        np.testing.assert_allclose(ddx[k], 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", GUIDED)
+def test_guided_movements_stay_below_two_radians_a_second(name: str) -> None:
+    _, dx, _ = _sampled(name)
+    assert np.abs(dx[:, 6:]).max() < 2.0
+
+
+def test_tapping_is_fast_but_below_what_a_gyroscope_measures() -> None:
+    _, dx, _ = _sampled("tapping")
+    assert 5.0 < np.abs(dx[:, 6:]).max() < 1000 * DEG
+
+
+@every_task
+def test_every_joint_stays_within_the_models_permitted_range(name: str) -> None:
+    angles = _sampled(name)[0][:, 6:].reshape(-1, len(JOINTS), 3)
+    assert (angles >= LIMITS[..., 0] - 1e-9)[:, IS_DOF].all()
+    assert (angles <= LIMITS[..., 1] + 1e-9)[:, IS_DOF].all()
+    np.testing.assert_allclose(angles[:, ~IS_DOF], 0.0, atol=1e-12)
+
+
+@every_task
+def test_events_lie_within_the_motion(name: str) -> None:
+    performance = tasks.TASKS[name](sized("left"))
+    assert performance.events
+    for event in performance.events:
+        assert event.onset >= 0
+        assert event.end <= performance.motion.duration + 1e-9
+
+
+def test_the_initial_pose_is_held_still_for_three_seconds_as_its_event_says() -> None:
+    performance = tasks.initial_pose(sized("left"))
+    (event,) = performance.events
+    t = np.linspace(event.onset, event.end, 50)
+    x, dx, _ = performance.motion.at(t)
+    assert event.duration >= 3.0
+    np.testing.assert_allclose(x, np.tile(tasks.flat(), (50, 1)), atol=1e-12)
+    np.testing.assert_allclose(dx, 0.0, atol=1e-12)
+    told = [event.details[f"thumb_cmc_{a}_deg"] for a in ("flexion", "deviation", "pronation")]
+    first = COORDINATES["thumb_cmc_flexion"]
+    np.testing.assert_allclose(x[0, first : first + 3] / DEG, told)
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.5, 4.0])
+def test_tapping_closes_as_often_as_asked(rate: float) -> None:
+    geometry = sized("right")
+    performance = tasks.tapping(geometry, duration=10.0, rate=rate)
+    (event,) = performance.events
+    closed = event.onset + np.arange(round(10 * rate) + 1) / rate
+    tips = np.array([tips_of(x, geometry) for x in performance.motion.at(closed)[0]])
+    touching = geometry.tip_tissue["thumb"] + geometry.tip_tissue["index"]
+    np.testing.assert_allclose(np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1), touching, atol=0.1e-3)
+
+
+@pytest.mark.parametrize("finger", ["index", "middle", "ring", "little"])
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_every_finger_can_pinch(finger: str, hand: Any) -> None:
+    geometry = sized(hand)
+    tips = tips_of(pinch(geometry, finger, distance=0.012, base=tasks.relaxed()), geometry)
+    between = np.linalg.norm(tips[0] - tips[1 + ["index", "middle", "ring", "little"].index(finger)])
+    assert between == pytest.approx(0.012, abs=0.1e-3)
+
+
+def test_reaching_moves_only_the_fingers_named() -> None:
+    geometry, guess = sized("left"), tasks.relaxed()
+    x = reach({("index", "middle"): 0.025}, geometry, ("index", "middle"), guess)
+    moved = {name for name, k in COORDINATES.items() if x[k] != guess[k]}
+    assert moved
+    assert all(name.startswith(("index", "middle")) for name in moved)
+
+
+def test_a_posture_takes_degrees_and_metres() -> None:
+    x = posture(None, wrist_x=0.3, index_pip_flexion=90.0)
+    assert x[COORDINATES["wrist_x"]] == 0.3
+    assert x[COORDINATES["index_pip_flexion"]] == pytest.approx(np.pi / 2)
+    with pytest.raises(KeyError):
+        posture(None, pinky_pip_flexion=3.0)
