@@ -1,0 +1,73 @@
+"""Which measures a recording's tasks get, and how far a figure can be trusted."""
+
+import numpy as np
+import pytest
+
+from estimators.hand_geometry import sized
+from estimators.measures import MEASURES
+from estimators.measures.assessment import assess
+from estimators.measures.figure import grade_of
+from estimators.options import describe
+from estimators.samples import Event
+from estimators.simulation.scenario import Simulated, simulate
+from estimators.simulation.sensors import IDEAL
+from estimators.trajectory import Flag, empty
+from tests.simulated import pose_and_wiggle
+
+
+def _recording() -> Simulated:
+    return simulate(["tapping", "wiggle"], "left", sized("left"), np.random.default_rng(1), IDEAL)
+
+
+def test_each_task_gets_the_measures_that_apply_to_it() -> None:
+    recording = _recording()
+    results = assess(recording.truth, recording.events)
+    assert [(r.task, r.measure) for r in results] == [("tapping", "tapping"), ("wiggle", "range_of_motion")]
+    assert all(r.figures for r in results)
+    assert [r.onset for r in results] == [e.onset for e in recording.events]
+
+
+def test_an_excluded_task_is_left_out() -> None:
+    recording = _recording()
+    events = [Event(e.onset, e.duration, e.trial_type, {**e.details, "excluded": True}) for e in recording.events[:1]] + list(
+        recording.events[1:]
+    )
+    assert [r.task for r in assess(recording.truth, events)] == ["wiggle"]
+
+
+def test_without_a_task_the_whole_recording_is_assessed() -> None:
+    truth = pose_and_wiggle("left").truth
+    (result,) = assess(truth, [])
+    assert (result.task, result.onset, result.end) == ("whole recording", truth.t[0], truth.t[-1])
+
+
+def test_a_recording_without_samples_has_no_results() -> None:
+    assert assess(empty("left"), []) == []
+
+
+@pytest.mark.parametrize(("bad", "grade"), [(0, "good"), (2, "good"), (3, "fair"), (20, "fair"), (21, "poor"), (100, "poor")])
+def test_the_grade_falls_with_the_share_of_flagged_samples(bad: int, grade: str) -> None:
+    flags = np.zeros((100, 2), np.uint8)
+    flags[:bad, 1] = Flag.SATURATED
+    found, reason = grade_of(flags)
+    assert found == grade
+    assert reason == (f"sensor at its limit in {bad} % of the samples" if bad else "")
+
+
+def test_the_worst_flag_is_the_reason() -> None:
+    flags = np.zeros((100, 1), np.uint8)
+    flags[:30] = Flag.MISSING
+    flags[:50] |= np.uint8(Flag.HEADING_LOST)
+    assert grade_of(flags) == ("poor", "heading lost after a gap in 50 % of the samples")
+    assert grade_of(np.zeros((0, 3), np.uint8)) == ("poor", "no samples")
+
+
+@pytest.mark.parametrize("name", MEASURES)
+def test_every_measure_has_a_title_documented_options_and_a_source(name: str) -> None:
+    module = MEASURES[name]
+    assert module.TITLE
+    assert all(o.meaning and o.source for o in describe(module.Params))
+    figures = module.figures(module.measure(module.Params(), pose_and_wiggle("left").truth, 6.0, 14.0))
+    assert figures
+    assert all(f.source and f.unit for f in figures)
+    assert len({f.name for f in figures}) == len(figures)
