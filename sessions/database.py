@@ -1,0 +1,46 @@
+"""Open the database: SQLite in the data folder by default, any SQLAlchemy URL otherwise; brought up to date on opening."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.exc import DatabaseError
+from sqlalchemy.orm import Session, sessionmaker
+
+from estimators.errors import InputError
+
+FILE = "handscope.sqlite"
+
+
+def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]:
+    """A factory of database sessions on a schema that is up to date."""
+    place = url or f"sqlite:///{folder / FILE}"
+    engine = create_engine(place, pool_pre_ping=True)
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+    try:
+        upgrade(engine)
+    except DatabaseError as problem:
+        engine.dispose()
+        raise InputError(
+            f"the database {place} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
+        ) from None
+    return sessionmaker(engine, expire_on_commit=False)
+
+
+def upgrade(engine: Engine, to: str = "head") -> None:
+    """Run the migrations that are missing."""
+    config = Config()
+    config.set_main_option("script_location", str(files("sessions") / "migrations"))
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, to)
+
+
+def _prepare_sqlite(connection: object, record: object) -> None:
+    cursor = connection.cursor()  # type: ignore[attr-defined]
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+        cursor.execute(f"PRAGMA {pragma}")
+    cursor.close()

@@ -1,0 +1,22 @@
+"""Open any recording: a Motion-BIDS folder or zip, or a native recording."""
+
+from pathlib import Path
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import Hand
+from sessions import motion_bids, native
+from sessions.recording import LoadedRecording, require_samples
+
+
+def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
+    """The recording at a path; `hand` is the side to take where it does not say (an error where it says the other)."""
+    if path.is_file() and path.suffix == native.SUFFIX:
+        return require_samples(native.load(path, hand), path.name)
+    return motion_bids.load(path, hand)
+
+
+def checksum(path: Path) -> str:
+    """sha256 of a recording's file."""
+    if not path.is_file():
+        raise InputError(f"{path} is not a file")
+    return native.file_checksum(path)

@@ -1,0 +1,96 @@
+"""Files of a folder or a zip by their relative path, nothing trusted: a zip may climb out of its folder, lie about its size or be cut."""
+
+import hashlib
+import lzma
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path, PurePosixPath
+
+from estimators.errors import InputError
+
+MOST_FILES = 10_000
+MOST_BYTES = 4 * 2**30  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
+MOST_RATIO = 400  # of unpacked to packed; numbers as text stay below 20
+WANTED = (".tsv", ".json")
+
+
+def open_files(path: Path) -> Mapping[str, Callable[[], bytes]]:
+    """Readers of the .tsv and .json files by relative path; InputError where the place is no folder or zip that can be read."""
+    if path.is_dir():
+        return _folder(path)
+    if not path.exists():
+        raise InputError(f"{path} does not exist; give a Motion-BIDS folder or zip, or a native recording")
+    if not zipfile.is_zipfile(path):
+        with path.open("rb") as file:
+            begins_like_zip = file.read(4) == b"PK\x03\x04"
+        what = (
+            "is a zip that was cut off; copy or download it again"
+            if begins_like_zip
+            else "is neither a folder, a zip nor a native recording; give a Motion-BIDS folder or zip"
+        )
+        raise InputError(f"{path.name} {what}")
+    return _zip(path)
+
+
+def checksum(files: Mapping[str, Callable[[], bytes]]) -> str:
+    """sha256 over the files' names and contents in order of name."""
+    total = hashlib.sha256()
+    for name in sorted(files):
+        total.update(name.encode() + b"\0" + files[name]())
+    return total.hexdigest()
+
+
+def _folder(path: Path) -> dict[str, Callable[[], bytes]]:
+    found = sorted(p for p in path.rglob("*") if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve()))
+    if len(found) > MOST_FILES:
+        raise InputError(f"{path} holds more than {MOST_FILES} files; give the folder of one recording")
+    return {p.relative_to(path).as_posix(): p.read_bytes for p in found}
+
+
+def _zip(path: Path) -> dict[str, Callable[[], bytes]]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        raise InputError(f"{path.name} is a damaged or cut zip; copy or download it again") from None
+    _refuse_tricks(path.name, entries)
+    return {
+        e.filename: _reader(path, e)
+        for e in entries
+        if PurePosixPath(e.filename).suffix in WANTED and not e.filename.startswith("__MACOSX/")
+    }
+
+
+def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
+    if len(entries) > MOST_FILES:
+        raise InputError(f"{name} holds {len(entries)} files, more than {MOST_FILES}; give a zip of one recording")
+    for entry in entries:
+        parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
+        if ".." in parts or entry.filename.startswith(("/", "\\")) or ":" in entry.filename.split("/")[0]:
+            raise InputError(f"{name} holds a file that would climb out of its folder ({entry.filename!r}); it was not opened")
+        if entry.external_attr >> 28 == 0xA:
+            raise InputError(f"{name} holds a link ({entry.filename!r}); put the file itself into the zip")
+        if entry.flag_bits & 1:
+            raise InputError(f"{name} is encrypted; unpack it and give the folder")
+        if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > 2**20:
+            raise InputError(
+                f"{name} unpacks {entry.filename!r} to {entry.file_size / 2**20:.0f} MB from {entry.compress_size} bytes; no recording does that, it was not opened"
+            )
+    total = sum(entry.file_size for entry in entries)
+    if total > MOST_BYTES:
+        raise InputError(f"{name} unpacks to {total / 2**30:.1f} GB, more than {MOST_BYTES / 2**30:.0f} GB; split the recording")
+
+
+def _reader(path: Path, entry: zipfile.ZipInfo) -> Callable[[], bytes]:
+    def read() -> bytes:
+        try:
+            with zipfile.ZipFile(path) as archive, archive.open(entry) as file:
+                data = file.read(entry.file_size + 1)
+        except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, NotImplementedError, RuntimeError):
+            raise InputError(f"{path.name} is damaged at {entry.filename!r}; copy or download it again") from None
+        if len(data) > entry.file_size:
+            raise InputError(f"{path.name} lies about the size of {entry.filename!r}; it was not opened")
+        return data
+
+    return read

@@ -1,0 +1,318 @@
+"""Open a Motion-BIDS recording, a folder or a zip of it, by the rules of spec 04."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import HANDS, Hand
+from estimators.hand_geometry import measures_from, sized
+from estimators.quaternions import Array
+from estimators.samples import ACC, EXTRA_POINTS, FORCE, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
+from sessions.motion_bids.files import checksum, open_files
+from sessions.motion_bids.tables import MISSING, json_object, numbers, rows
+from sessions.recording import LoadedRecording, require_samples
+
+TYPES = {"GYRO": GYR, "ACCEL": ACC, "MAGN": MAG, "MISC": FORCE}
+UNITS: dict[str, dict[str, float]] = {
+    "GYRO": {"rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180},
+    "ACCEL": {"m/s^2": 1.0, "m/s²": 1.0},
+    "MAGN": {"T": 1.0, "uT": 1e-6, "µT": 1e-6, "μT": 1e-6},
+    "MISC": {"N": 1.0},
+    "LATENCY": {"s": 1.0},
+}
+RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
+SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
+Files = Mapping[str, Callable[[], bytes]]
+NAME = re.compile(r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$")
+
+
+@dataclass(frozen=True)
+class System:
+    """One tracking system of a recording: its files and what the sidecar says."""
+
+    name: str
+    path: str
+    sidecar: dict[str, Any]
+    channels: list[dict[str, str]]
+
+
+def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
+    """Open the recording at `path`; `hand` is the side to take where the recording does not say (and contradicts where it says another)."""
+    inside, files = _choose(path)
+    systems = _systems(files, inside)
+    said = _hand([s.sidecar for s in systems], hand, path.name)
+    warnings: list[str] = []
+    samples = {}
+    for system in systems:
+        block = _block(system, files, warnings)
+        if block is not None:
+            samples[system.name] = block
+    _refuse_double(samples)
+    recording = LoadedRecording(
+        said,
+        sized(said, measures_from(_merged(systems, "HandGeometry"))),
+        _mounting(_merged(systems, "SensorMounting")),
+        samples,
+        _events(files, inside),
+        tuple(warnings),
+        checksum=checksum(files),
+        source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
+    )
+    return require_samples(recording, path.name)
+
+
+def recordings_in(files: Files) -> list[str]:
+    """The recordings of a dataset: paths without `_tracksys-...`."""
+    raw = [
+        path
+        for path in files
+        if not path.startswith("derivatives/") and "_desc-" not in path and PurePosixPath(path).parent.name == "motion"
+    ]
+    found = [(path, NAME.search(path)) for path in raw]
+    return sorted({str(PurePosixPath(path).parent / (m["stem"] + m["rest"])) for path, m in found if m})
+
+
+def _choose(path: Path) -> tuple[str, Files]:
+    """The one recording meant: the only one of a folder or zip, or the one that a path to its motion.tsv names."""
+    if path.is_file() and path.name.endswith("_motion.tsv"):
+        path = path.absolute()
+        root = next((p.parent for p in path.parents if p.name.startswith("sub-")), path.parent)
+        files = open_files(root)
+        m = NAME.search(path.name)
+        wanted = str(PurePosixPath(path.relative_to(root).parent.as_posix()) / (m["stem"] + m["rest"])) if m else path.name
+    else:
+        files, wanted = open_files(path), ""
+    found = recordings_in(files)
+    if wanted:
+        found = [f for f in found if f == wanted]
+    if not found:
+        raise InputError(f"{path.name} holds no Motion-BIDS recording; expected sub-*/[ses-*/]motion/sub-*_task-*_tracksys-*_motion.tsv")
+    if len(found) > 1:
+        raise InputError(
+            f"{path.name} holds {len(found)} recordings ({', '.join(PurePosixPath(f).name for f in found[:4])}{', ...' if len(found) > 4 else ''}); give the path of one of their motion.tsv files"
+        )
+    belongs = found[0].split("/motion/")[0]
+    return found[0], {name: read for name, read in files.items() if name.startswith(f"{belongs}/") or "/" not in name}
+
+
+def _systems(files: Files, inside: str) -> list[System]:
+    folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
+    systems = []
+    for path in sorted(files):
+        m = NAME.search(path)
+        if not m or PurePosixPath(path).parent != folder or m["stem"] + m["rest"] != stem:
+            continue
+        if "_desc-" in m["rest"]:
+            continue  # a derivative beside the raw data
+        base = path.removesuffix("_motion.tsv")
+        for beside in (f"{base}_motion.json", f"{base}_channels.tsv"):
+            if beside not in files:
+                raise InputError(f"{PurePosixPath(beside).name} is missing beside {PurePosixPath(path).name}")
+        needed = ("name", "component", "type", "tracked_point", "units")
+        channels = list(rows(files[f"{base}_channels.tsv"](), PurePosixPath(base).name + "_channels.tsv", needed).values())
+        systems.append(
+            System(m["system"], path, json_object(files[f"{base}_motion.json"](), PurePosixPath(base).name + "_motion.json"), channels)
+        )
+    return systems
+
+
+def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Hand:
+    said = {str(s["MeasuredHand"]).lower() for s in sidecars if s.get("MeasuredHand") not in (None, MISSING)}
+    if not said <= set(HANDS):
+        raise InputError(f"{name}: MeasuredHand is {sorted(said - set(HANDS))[0]!r}; it is left or right")
+    if len(said) > 1:
+        raise InputError(f"{name} holds sensors of two hands (MeasuredHand says left and right); split it into one recording a hand")
+    if wanted and said and wanted not in said:
+        raise InputError(
+            f"{name} was recorded on the {said.pop()} hand, not on the {wanted} one; choose the other hand or the other recording"
+        )
+    for hand in HANDS:
+        if hand in said or (not said and wanted == hand):
+            return hand
+    raise InputError(f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand")
+
+
+def _block(system: System, files: Files, warnings: list[str]) -> Block | None:
+    """The samples of a tracking system; None where it has nothing for us."""
+    name = PurePosixPath(system.path).name
+    wanted = _columns(system, warnings)
+    if not wanted:
+        return None
+    table = numbers(files[system.path](), name, len(system.channels))
+    if not len(table):
+        raise InputError(f"{name} has 0 samples; there is nothing to process")
+    t, rate = _times(system, table, name, warnings)
+    points = [p for p in TRACKED_POINTS if any(point == p for point, _, _ in wanted)]
+    quantities = [q for q in (GYR, ACC, MAG, FORCE) if any(kind == q for _, kind, _ in wanted)]
+    values = np.full((len(table), len(points), 3 * len(quantities)), np.nan)
+    for (point, kind, component), (column, factor) in wanted.items():
+        values[:, points.index(point), 3 * quantities.index(kind) + component] = table[:, column] * factor
+    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name), t, values)
+
+
+def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], tuple[int, float]]:
+    """Which column holds which component of which quantity of which point, with the factor to SI."""
+    found: dict[tuple[str, str, int], tuple[int, float]] = {}
+    strange: set[str] = set()
+    for column, channel in enumerate(system.channels):
+        kind, point = channel["type"].upper(), channel["tracked_point"]
+        if kind not in TYPES or (kind == "MISC" and not point.endswith("_force")):
+            continue
+        _refuse_two_hands(point, system)
+        if point not in TRACKED_POINTS:
+            strange.add(point)
+            continue
+        component = "xyz".find(channel["component"].lower()) if len(channel["component"]) == 1 else -1
+        if component < 0:
+            raise InputError(f"tracksys-{system.name}: channel {channel['name']} has component {channel['component']!r}; it is x, y or z")
+        key = (point, TYPES[kind], component)
+        if key in found:
+            raise InputError(f"tracksys-{system.name}: {point} has two {kind} channels for component {channel['component']}")
+        found[key] = (column, _factor(system, channel, kind))
+    for point, kind, _ in list(found):
+        if any((point, kind, c) not in found for c in range(3)):
+            raise InputError(
+                f"tracksys-{system.name}: {point} has not all of x, y, z of {kind}; name the three channels in channels.tsv or none"
+            )
+    if strange:
+        warnings.append(f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}")
+    return found
+
+
+def _refuse_two_hands(point: str, system: System) -> None:
+    sides = {
+        side
+        for side in HANDS
+        for c in system.channels
+        if side in c["tracked_point"].lower().split("_") and not c["tracked_point"].startswith("trunk")
+    }
+    if len(sides) > 1:
+        raise InputError(f"tracksys-{system.name} holds sensors of two hands ({point} among them); split it into one recording a hand")
+
+
+def _factor(system: System, channel: dict[str, str], kind: str) -> float:
+    known = UNITS[kind]
+    if channel["units"] not in known:
+        raise InputError(
+            f"tracksys-{system.name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {' or '.join(list(known)[:2])}"
+        )
+    return known[channel["units"]]
+
+
+def _times(system: System, table: Array, name: str, warnings: list[str]) -> tuple[Array, float]:
+    """Time stamps (n,) and rate: LATENCY where there is one, else the sampling frequency told."""
+    told = system.sidecar.get("SamplingFrequency")
+    rate = float(told) if isinstance(told, (int, float)) and 0 < told <= 100_000 else None
+    latency = [k for k, c in enumerate(system.channels) if c["type"].upper() == "LATENCY"]
+    if not latency:
+        if rate is None:
+            raise InputError(
+                f"tracksys-{system.name}: motion.json has no usable SamplingFrequency and there is no LATENCY channel; one of them is needed"
+            )
+        return np.arange(len(table)) / rate, rate
+    t = table[:, latency[0]] * _factor(system, system.channels[latency[0]], "LATENCY")
+    backwards = np.flatnonzero(~(np.diff(t) > 0))
+    if not np.isfinite(t[0]) or len(backwards):
+        raise InputError(
+            f"{name}, line {int(backwards[0]) + 2 if len(backwards) else 1}: LATENCY does not increase; every sample needs its own time"
+        )
+    seen = _rate_seen(t) if len(t) > 1 else rate or 100.0
+    if rate is not None and abs(seen / rate - 1) > RATE_TOLERANCE:
+        warnings.append(f"tracksys-{system.name}: SamplingFrequency says {rate:g} Hz, the time stamps {seen:.4g} Hz; the time stamps count")
+    return t, rate if rate is not None and abs(seen / rate - 1) < SAME_RATE else seen
+
+
+def _rate_seen(t: Array) -> float:
+    """Samples a second from the first to the last, lost ones counted; time stamps may be rounded to a part of their distance."""
+    steps = np.diff(t)
+    period = np.median(steps)
+    for _ in range(2):  # the median of rounded steps is off: what it makes of them all together is not
+        period = (t[-1] - t[0]) / np.maximum(np.rint(steps / period), 1).sum()
+    return float(1 / period)
+
+
+def _refuse_double(samples: Mapping[str, Block]) -> None:
+    """A point's quantity may go on in another tracking system (its rate was changed), but not be in two at once."""
+    seen: dict[tuple[str, str], str] = {}
+    for name, block in samples.items():
+        for quantity in block.stream.quantities:
+            for k, point in enumerate(block.stream.sensors):
+                if np.isnan(block.of(quantity)[:, k]).all():
+                    continue
+                other = seen.setdefault((point, quantity), name)
+                if other != name and block.t[0] <= samples[other].t[-1] and samples[other].t[0] <= block.t[-1]:
+                    raise InputError(f"{point} has {quantity} samples in both tracksys-{other} and tracksys-{name}; keep one")
+
+
+def _merged(systems: list[System], entry: str) -> dict[str, Any]:
+    """An object that any of the sidecars may hold; where several do, they must agree."""
+    total: dict[str, Any] = {}
+    for system in systems:
+        value = system.sidecar.get(entry)
+        if value is None:
+            continue
+        if not isinstance(value, dict):
+            raise InputError(f"tracksys-{system.name}: {entry} in motion.json is not an object")
+        for key, item in value.items():
+            if key in total and total[key] != item:
+                raise InputError(f"{entry} of {key} differs between the recording's tracking systems; make them agree")
+            total[key] = item
+    return total
+
+
+def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
+    mounting = {}
+    for point, value in table.items():
+        q = np.asarray(value, dtype=float) if isinstance(value, list) and all(isinstance(x, (int, float)) for x in value) else np.empty(0)
+        if q.shape != (4,) or not 0.99 < np.linalg.norm(q) < 1.01:
+            raise InputError(f"SensorMounting of {point} is {value}; it is a unit quaternion [w, x, y, z]")
+        mounting[point] = q / np.linalg.norm(q)
+    return mounting
+
+
+def _events(files: Files, inside: str) -> tuple[Event, ...]:
+    folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
+    names = [p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")]
+    events = []
+    for path in sorted(names):
+        name = PurePosixPath(path).name
+        for number, row in rows(files[path](), name, ("onset", "duration", "trial_type")).items():
+            events.append(_event(row, f"{name}, line {number}"))
+    return tuple(sorted(events, key=lambda e: e.onset))
+
+
+def _event(row: dict[str, str], where: str) -> Event:
+    try:
+        onset, duration = float(row["onset"]), 0.0 if row["duration"] == MISSING else float(row["duration"])
+    except ValueError:
+        raise InputError(f"{where}: onset {row['onset']!r} or duration {row['duration']!r} is not a number") from None
+    if not (np.isfinite(onset) and np.isfinite(duration) and duration >= 0):
+        raise InputError(f"{where}: onset and duration must be finite, the duration not negative")
+    details: dict[str, Any] = {
+        key: value for key, value in row.items() if key not in ("onset", "duration", "trial_type") and value not in (MISSING, "")
+    }
+    for key in [k for k in details if k.endswith("_deg")]:
+        try:
+            details[key] = float(details[key])
+        except ValueError:
+            raise InputError(f"{where}: {key} {details[key]!r} is not a number of degrees") from None
+    return Event(onset, duration, row["trial_type"], details)
+
+
+def _provenance(systems: list[System]) -> dict[str, Any]:
+    wanted = {
+        "Manufacturer": "manufacturer",
+        "TrackingSystemName": "device",
+        "DeviceSerialNumber": "device_id",
+        "SoftwareVersions": "software",
+        "TaskName": "task",
+    }
+    return {ours: s.sidecar[theirs] for s in systems for theirs, ours in wanted.items() if s.sidecar.get(theirs) not in (None, MISSING)}
+
+
+assert set(EXTRA_POINTS) < set(TRACKED_POINTS)

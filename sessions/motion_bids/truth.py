@@ -1,0 +1,21 @@
+"""The known truth of a simulated recording, written beside it as a derivative."""
+
+from estimators.trajectory import Trajectory
+from sessions.motion_bids.writer import pretty
+from sessions.number_table import Data
+from sessions.recording import LoadedRecording
+from sessions.trajectory_table import channels_of, table_of
+
+
+def truth_files(truth: Trajectory, recording: LoadedRecording, subject: str, task: str, software: str) -> dict[str, Data]:
+    """Files under derivatives/truth, in the layout of the derivative of spec 04."""
+    base = f"derivatives/truth/sub-{subject}/motion/sub-{subject}_task-{task}_tracksys-truth_desc-truth"
+    columns, table = table_of(truth)
+    about = {
+        "TaskName": task,
+        "SamplingFrequency": recording.streams[0].rate,
+        "MeasuredHand": recording.hand,
+        "software_version": software,
+        "method": "truth",
+    }
+    return {f"{base}_motion.tsv": table, f"{base}_channels.tsv": channels_of(columns), f"{base}_motion.json": pretty(about)}

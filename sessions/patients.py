@@ -1,0 +1,92 @@
+"""Patients under pseudonyms: make, find, change. No names, no dates of birth."""
+
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+from sqlalchemy.orm.exc import StaleDataError
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import HANDS
+from estimators.hand_geometry import measures_from
+from sessions.tables import Patient, PatientSession
+
+LONGEST_PSEUDONYM = 64
+YEARS = (1900, 2100)
+CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "notes", "archived")
+
+
+def create(db: Session, pseudonym: str, **facts: Any) -> Patient:
+    """Keep a new patient; InputError where the pseudonym is empty or taken."""
+    patient = Patient(pseudonym=pseudonym, **facts)
+    _check(patient)
+    db.add(patient)
+    try:
+        db.commit()
+    except IntegrityError:
+        db.rollback()
+        raise InputError(f"there is already a patient {patient.pseudonym!r}; choose another pseudonym") from None
+    return patient
+
+
+def find(db: Session, search: str = "", archived: bool = False, limit: int = 200) -> list[tuple[Patient, int, Any]]:
+    """Patients whose pseudonym contains the search words, the newest first, with how many sessions they have and when the last one was."""
+    query = (
+        select(Patient, func.count(PatientSession.id), func.max(PatientSession.started))
+        .outerjoin(PatientSession)
+        .where(Patient.archived.is_(archived))
+        .group_by(Patient.id)
+        .order_by(func.coalesce(func.max(PatientSession.started), Patient.created).desc(), Patient.id.desc())
+        .limit(limit)
+    )
+    for word in search.split():
+        query = query.where(Patient.pseudonym.icontains(word, autoescape=True))
+    return [(patient, int(count), last) for patient, count, last in db.execute(query)]
+
+
+def get(db: Session, patient_id: int) -> Patient:
+    """The patient; InputError where there is none."""
+    patient = db.get(Patient, patient_id)
+    if patient is None:
+        raise InputError(f"there is no patient {patient_id}; it may have been erased")
+    return patient
+
+
+def change(db: Session, patient_id: int, version: int, **facts: Any) -> Patient:
+    """Change facts of a patient as it stood at `version`; InputError where somebody else changed it meanwhile."""
+    patient = get(db, patient_id)
+    if patient.version != version:
+        raise InputError(
+            f"patient {patient.pseudonym!r} was changed in another window meanwhile; load the page again and repeat your change"
+        )
+    unknown = set(facts) - set(CHANGEABLE)
+    if unknown:
+        raise InputError(f"a patient has no {sorted(unknown)[0]!r}")
+    for name, value in facts.items():
+        setattr(patient, name, value)
+    try:
+        _check(patient)
+        db.commit()
+    except IntegrityError:
+        db.rollback()
+        raise InputError(f"there is already a patient {facts.get('pseudonym')!r}; choose another pseudonym") from None
+    except StaleDataError:
+        db.rollback()
+        raise InputError("the patient was changed in another window meanwhile; load the page again and repeat your change") from None
+    return patient
+
+
+def _check(patient: Patient) -> None:
+    patient.pseudonym = " ".join((patient.pseudonym or "").split())
+    if not 1 <= len(patient.pseudonym) <= LONGEST_PSEUDONYM:
+        raise InputError(f"a pseudonym has 1 to {LONGEST_PSEUDONYM} characters")
+    for what in ("dominant_hand", "affected_hand"):
+        if getattr(patient, what) not in (None, *HANDS, *(("both",) if what == "affected_hand" else ())):
+            raise InputError(f"{what.replace('_', ' ')} is left or right, or not given")
+    if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
+        raise InputError(f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}")
+    for hand, measures in (patient.hand_measures or {}).items():
+        if hand not in HANDS:
+            raise InputError(f"hand measures are of the left or right hand, not of {hand!r}")
+        measures_from(measures)

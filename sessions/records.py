@@ -1,0 +1,135 @@
+"""Sessions and their recordings: begun live, or made from an uploaded file."""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import HANDS, Hand
+from estimators.hand_geometry import measures_from, sized, table_of
+from sessions import formats, native
+from sessions.recording import LoadedRecording
+from sessions.store import Store
+from sessions.tables import Patient, PatientSession, RecordingFile, now
+
+
+def begin(
+    db: Session, store: Store, patient: Patient, hand: Hand, geometry: Mapping[str, Any], examiner: str = ""
+) -> tuple[PatientSession, RecordingFile]:
+    """A session about to be recorded, with the place of its recording."""
+    measures_from(geometry)
+    session = PatientSession(patient=patient, hand=hand, geometry=dict(geometry), examiner=examiner)
+    file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
+    db.add_all([session, file])
+    db.commit()
+    return session, file
+
+
+def close(db: Session, store: Store, session_id: int) -> PatientSession:
+    """The recording is finished: keep its checksum and what it holds; a session whose recording holds nothing is failed."""
+    session = get(db, session_id)
+    for file in session.recordings:
+        if file.sha256 is None:
+            _describe(file, store)
+    session.finished = now()
+    session.state = "recorded" if any(f.sha256 for f in session.recordings) else "failed"
+    db.commit()
+    return session
+
+
+def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
+    """Keep an uploaded recording as a session of its own, only when it can be opened; `upload` is moved into the store."""
+    suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
+    recording = _opened(upload, name, hand)
+    place = store.new_recording(suffix)
+    shutil.move(upload, store.path_of(place))
+    try:
+        session = PatientSession(patient=patient, hand=recording.hand, geometry={}, state="recorded", finished=now())
+        kind = "native" if suffix == native.SUFFIX else "motion-bids"
+        file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
+        _describe(file, store, recording)
+        db.add_all([session, file])
+        db.commit()
+    except BaseException:
+        db.rollback()
+        store.path_of(place).unlink(missing_ok=True)
+        raise
+    return session
+
+
+def get(db: Session, session_id: int) -> PatientSession:
+    """The session; InputError where there is none."""
+    session = db.get(PatientSession, session_id)
+    if session is None:
+        raise InputError(f"there is no session {session_id}; it may have been erased")
+    return session
+
+
+def opened(store: Store, file: RecordingFile) -> LoadedRecording:
+    """A kept recording with its session's hand and geometry."""
+    session = file.session
+    recording = formats.load(store.path_of(file.file), hand_of(session.hand))
+    if not session.geometry:
+        return recording
+    return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))
+
+
+def abandoned(db: Session) -> list[PatientSession]:
+    """Sessions that a server that stopped left open."""
+    return list(db.scalars(select(PatientSession).where(PatientSession.state == "open")))
+
+
+def hand_of(word: str) -> Hand:
+    """left or right as a Hand."""
+    for hand in HANDS:
+        if word == hand:
+            return hand
+    raise InputError(f"the hand is left or right, not {word!r}")
+
+
+def _opened(upload: Path, name: str, hand: Hand | None) -> LoadedRecording:
+    try:
+        return formats.load(upload, hand)
+    except InputError as mistake:
+        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+
+
+def _describe(file: RecordingFile, store: Store, recording: LoadedRecording | None = None) -> None:
+    """Size, checksum and summary of a closed file; a file that holds no samples keeps sha256 None."""
+    path = store.path_of(file.file)
+    try:
+        recording = recording or formats.load(path, hand_of(file.session.hand))
+    except InputError as problem:
+        file.summary = {"problem": str(problem).replace(path.name, "the recording")}
+        return
+    file.bytes, file.sha256 = path.stat().st_size, native.file_checksum(path)
+    file.summary = summary(recording)
+
+
+def summary(recording: LoadedRecording) -> dict[str, Any]:
+    """What a recording holds, for lists and pages."""
+    streams = [
+        {"name": s.name, "sensors": list(s.sensors), "rate": round(s.rate, 3), "samples": len(b.t)}
+        for s, b in ((b.stream, b) for b in recording.samples.values())
+    ]
+    events = [
+        {"trial_type": e.trial_type, "onset": round(e.onset, 3), "duration": round(e.duration, 3), "task": e.details.get("task_name")}
+        for e in recording.events
+    ]
+    gaps = int(sum(np.isnan(b.values).any(axis=(1, 2)).sum() for b in recording.samples.values()))
+    return {
+        "duration": round(recording.duration, 3),
+        "streams": streams,
+        "events": events,
+        "losses": dict(recording.losses),
+        "samples_with_gaps": gaps,
+        "warnings": list(recording.warnings),
+        "source": dict(recording.source),
+        "geometry": table_of(recording.geometry),
+    }

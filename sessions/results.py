@@ -1,0 +1,46 @@
+"""Results in the database: found by their key, made once, never edited."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from estimators.errors import InputError
+from sessions.tables import RecordingFile, Result
+
+UNFINISHED = ("queued", "running")
+
+
+def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
+    """sha256 of everything that the result depends on."""
+    parts = [file.sha256, method, dict(parameters), file.session.geometry, file.session.hand, version]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> Result:
+    """The result with this key, queued when there is none or when it failed before."""
+    key = key_of(file, method, parameters, version)
+    result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
+    if result is None:
+        result = Result(recording=file, key=key, method=method, parameters=dict(parameters), version=version)
+        db.add(result)
+    elif result.state == "failed":
+        result.state, result.error, result.progress = "queued", "", 0.0
+    db.commit()
+    return result
+
+
+def get(db: Session, result_id: int) -> Result:
+    """The result; InputError where there is none."""
+    result = db.get(Result, result_id)
+    if result is None:
+        raise InputError(f"there is no result {result_id}; it may have been erased")
+    return result
+
+
+def unfinished(db: Session) -> list[int]:
+    """Results that were queued or running when the server stopped."""
+    return list(db.scalars(select(Result.id).where(Result.state.in_(UNFINISHED)).order_by(Result.id)))

@@ -1,0 +1,124 @@
+"""The database's tables: patients under pseudonyms, their sessions, recordings, results and jobs. Samples are files, never rows."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import JSON, DateTime, ForeignKey, String, TypeDecorator, UniqueConstraint
+from sqlalchemy.engine import Dialect
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """Times with a zone on every database: SQLite forgets the zone, so UTC is stored and given back."""
+
+    impl = DateTime
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.astimezone(UTC).replace(tzinfo=None)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.replace(tzinfo=UTC)
+
+
+class Base(DeclarativeBase):
+    type_annotation_map = {datetime: UtcDateTime, dict[str, Any]: JSON, list[Any]: JSON, str: String}  # noqa: RUF012  SQLAlchemy's form
+
+
+def now() -> datetime:
+    return datetime.now(UTC)
+
+
+class Patient(Base):
+    __tablename__ = "patient"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    pseudonym: Mapped[str] = mapped_column(String(64), unique=True)
+    year_of_birth: Mapped[int | None]
+    dominant_hand: Mapped[str | None] = mapped_column(String(5))
+    affected_hand: Mapped[str | None] = mapped_column(String(5))
+    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry of spec 04 by hand: {"left": {...}, "right": {...}}
+    notes: Mapped[str] = mapped_column(default="")
+    archived: Mapped[bool] = mapped_column(default=False)
+    created: Mapped[datetime] = mapped_column(default=now)
+    version: Mapped[int] = mapped_column(default=1)  # counts changes: two editors at once are noticed
+
+    sessions: Mapped[list["PatientSession"]] = relationship(
+        back_populates="patient", cascade="all, delete-orphan", order_by="PatientSession.started.desc()"
+    )
+
+    __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
+
+
+class PatientSession(Base):
+    """One visit: a hand measured, live or from an uploaded recording."""
+
+    __tablename__ = "session"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    hand: Mapped[str] = mapped_column(String(5))
+    state: Mapped[str] = mapped_column(String(16), default="open")  # open (being recorded), recorded, processed, failed
+    started: Mapped[datetime] = mapped_column(default=now)
+    finished: Mapped[datetime | None]
+    examiner: Mapped[str] = mapped_column(default="")
+    notes: Mapped[str] = mapped_column(default="")
+    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry of spec 04
+
+    patient: Mapped[Patient] = relationship(back_populates="sessions")
+    recordings: Mapped[list["RecordingFile"]] = relationship(
+        back_populates="session", cascade="all, delete-orphan", order_by="RecordingFile.id"
+    )
+
+
+class RecordingFile(Base):
+    """A recording on the disk: its file never changes once it is closed."""
+
+    __tablename__ = "recording"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
+    format: Mapped[str] = mapped_column(String(16))  # native, motion-bids
+    file: Mapped[str]  # relative to the data folder
+    original_name: Mapped[str] = mapped_column(default="")
+    sha256: Mapped[str | None] = mapped_column(String(64))  # None while it is being written
+    bytes: Mapped[int] = mapped_column(default=0)
+    added: Mapped[datetime] = mapped_column(default=now)
+    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)  # duration, streams, losses, warnings: for lists without opening the file
+
+    session: Mapped[PatientSession] = relationship(back_populates="recordings")
+    results: Mapped[list["Result"]] = relationship(back_populates="recording", cascade="all, delete-orphan", order_by="Result.id.desc()")
+
+
+class Result(Base):
+    """What a method gave: a function of (recording, method, parameters, version), recomputed at will, never edited."""
+
+    __tablename__ = "result"
+    __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    key: Mapped[str] = mapped_column(String(64))  # sha256 of method, parameters, geometry, events and version
+    method: Mapped[str] = mapped_column(String(32))
+    parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    version: Mapped[str] = mapped_column(String(32))
+    created: Mapped[datetime] = mapped_column(default=now)
+    state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed
+    progress: Mapped[float] = mapped_column(default=0.0)
+    error: Mapped[str] = mapped_column(default="")
+    figures: Mapped[list[Any]] = mapped_column(default=list)
+    content: Mapped[dict[str, Any]] = mapped_column(default=dict)  # tasks with their details and curves thinned for pages
+    warnings: Mapped[list[Any]] = mapped_column(default=list)
+
+    recording: Mapped[RecordingFile] = relationship(back_populates="results")
+
+
+class Login(Base):
+    """A browser that has logged in: the hash of its cookie."""
+
+    __tablename__ = "login"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    token_hash: Mapped[str] = mapped_column(String(64), unique=True)
+    created: Mapped[datetime] = mapped_column(default=now)
+    seen: Mapped[datetime] = mapped_column(default=now)

@@ -1,0 +1,54 @@
+"""A trajectory as a table: the columns of the derivative of spec 04 and their description."""
+
+import numpy as np
+
+from estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+from sessions.number_table import NumberTable
+
+Column = tuple[str, str, str, str, str]  # name, component, type, tracked point, unit
+
+
+def table_of(moved: Trajectory) -> tuple[list[Column], NumberTable]:
+    """Columns and values (n, columns): time, angles of every freedom, tips, orientations, standard deviations, flags."""
+    columns: list[Column] = [("time", "n/a", "LATENCY", "n/a", "s")]
+    data: list[Array] = [moved.t]
+    for j, joint in enumerate(JOINTS):
+        for a in joint.dofs:
+            columns.append((f"{joint.name}_{ANGLES[a]}", "n/a", "JNTANG", joint.name, "rad"))
+            data.append(moved.angles[:, j, a])
+    for f, finger in enumerate(FINGERS):
+        if len(moved) and np.isfinite(moved.tips[:, f, 0]).any():
+            columns += [(f"{finger}_tip_{c}", c, "POS", f"{finger}_tip", "m") for c in "xyz"]
+            data += list(moved.tips[:, f].T)
+    for segment in measured_segments(moved):
+        columns += [(f"{segment}_quat_{c}", f"quat_{c}", "ORNT", segment, "n/a") for c in "wxyz"]
+        data += list(moved.q_GS[:, SEGMENT[segment]].T)
+    _add_deviations(moved, columns, data)
+    for segment in measured_segments(moved):
+        columns.append((f"{segment}_flags", "n/a", "MISC", segment, "n/a"))
+        data.append(moved.flags[:, SEGMENT[segment]].astype(float))
+    return columns, NumberTable(tuple(data))
+
+
+def channels_of(columns: list[Column]) -> bytes:
+    """The channels.tsv of the columns."""
+    return ("name\tcomponent\ttype\ttracked_point\tunits\n" + "\n".join("\t".join(c) for c in columns) + "\n").encode()
+
+
+def measured_segments(moved: Trajectory) -> list[str]:
+    """Segments with an orientation at any time."""
+    return [s for k, s in enumerate(SEGMENTS) if len(moved) and np.isfinite(moved.q_GS[:, k, 0]).any()]
+
+
+def _add_deviations(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:
+    if moved.angles_sd is not None:
+        for j, joint in enumerate(JOINTS):
+            for a in joint.dofs:
+                columns.append((f"{joint.name}_{ANGLES[a]}_sd", "n/a", "MISC", joint.name, "rad"))
+                data.append(moved.angles_sd[:, j, a])
+    if moved.tips_sd is not None:
+        for f, finger in enumerate(FINGERS):
+            columns += [(f"{finger}_tip_{c}_sd", c, "MISC", f"{finger}_tip", "m") for c in "xyz"]
+            data += list(moved.tips_sd[:, f].T)

@@ -1,0 +1,234 @@
+"""Messages of one glove to blocks of samples on the recording's time base.
+
+The recording's time is the base unit's clock from its first sample on. Other clocks (the wireless forearm) are mapped onto it by the time at which
+the base unit sent their samples on; after the device began again, the host's arrival times carry the time on.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.quaternions import Array
+from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream, join
+from sessions.clock_mapping import ClockMap
+from sessions.wire.framing import Counters, Decoder
+from sessions.wire.messages import (
+    BadPayloadError,
+    Identity,
+    Mark,
+    Message,
+    Pong,
+    Reply,
+    Samples,
+    Status,
+    StreamInfo,
+    Strip,
+    StripCalibration,
+    values_of,
+)
+
+NS = 1e-9
+SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped
+WAITING = 512  # bursts kept while their stream is not described yet: about 2 s of 17 sensors
+
+
+@dataclass
+class StreamCount:
+    """What came of one stream."""
+
+    samples: int = 0
+    lost: int = 0  # by the sample counter, or dropped because they would run back in time
+    saturated: int = 0  # samples with a value at the sensor's limit
+
+
+@dataclass
+class Assembler:
+    """Feed it the bytes of one port with their arrival times; it never raises on what a device sends."""
+
+    decoder: Decoder = field(default_factory=Decoder)
+    identity: Identity | None = None
+    status: Status | None = None
+    strips: dict[int, Strip] = field(default_factory=dict)  # by slot, attached ones
+    infos: dict[int, StreamInfo] = field(default_factory=dict)  # by stream number
+    streams: dict[int, Stream] = field(default_factory=dict)
+    counts: dict[str, StreamCount] = field(default_factory=dict)  # by stream name
+    replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
+    calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
+    marks: list[Event] = field(default_factory=list)  # events that the device told, in order
+    mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
+    undescribed: int = 0  # bursts dropped because their stream was never described
+    host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
+    _clocks: dict[int, ClockMap] = field(default_factory=dict)
+    _zero: int | None = None  # base clock at recording time 0, ns; moves when the device begins again
+    _next_index: dict[int, int] = field(default_factory=dict)
+    _waiting: deque[tuple[Samples, float]] = field(default_factory=lambda: deque(maxlen=WAITING))
+    _early: deque[Mark] = field(default_factory=lambda: deque(maxlen=64))  # marks that came before the first sample
+    _host_zero: float | None = None  # arrival time at recording time 0
+    _newest: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def counters(self) -> Counters:
+        return self.decoder.counters
+
+    def feed(self, chunk: bytes, arrival: float) -> list[Block]:
+        """Blocks completed by this chunk, at most one a stream; `arrival` is the host's clock in s."""
+        blocks: dict[int, list[Block]] = {}
+        for message in self.decoder.feed(chunk):
+            for block in self._take(message, arrival):
+                blocks.setdefault(id(block.stream), []).append(block)  # a stream described anew is another one
+        return [join(parts) for parts in blocks.values()]
+
+    @property
+    def waiting(self) -> int:
+        """Bursts kept until their stream is described."""
+        return len(self._waiting)
+
+    def recording_time(self, arrival: float) -> float | None:
+        """The recording's time at a moment of the host's clock; None before the first sample."""
+        if self._zero is None or self.host.offset is None:
+            return None
+        return self.host.remote(arrival) - self._zero * NS
+
+    def _take(self, message: Message, arrival: float) -> Iterable[Block]:
+        match message:
+            case Identity():
+                self._identified(message)
+            case Strip():
+                self._plugged(message)
+                return self._released()
+            case StreamInfo():
+                self._described(message)
+                return self._released()
+            case Samples():
+                return self._sampled(message, arrival)
+            case Status():
+                self.status = message
+            case Reply():
+                self.replies.append(message)
+            case Pong():
+                self.host.update(message.t * NS, arrival)
+            case Mark():
+                self._marked(message)
+            case StripCalibration():
+                self.calibrations[message.slot, message.sensor] = message
+        return ()
+
+    def _identified(self, identity: Identity) -> None:
+        if self.identity is not None and identity.boot_id != self.identity.boot_id:
+            self.undescribed += self.waiting
+            self._waiting.clear()
+            self._early.clear()
+            self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
+            self._zero, self._next_index = None, {}
+        self.identity = identity
+
+    def _plugged(self, strip: Strip) -> None:
+        if not strip.attached:
+            self.strips.pop(strip.slot, None)
+            gone = [n for n, info in self.infos.items() if info.slot == strip.slot]
+            for number in gone:
+                self.infos.pop(number), self.streams.pop(number, None)
+        elif self.strips.get(strip.slot) != strip:
+            self.strips[strip.slot] = strip
+            turned = np.reshape(strip.mounting, (-1, 4)) if strip.mounting else np.tile(quat.IDENTITY, (len(strip.points), 1))
+            self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
+            self._rename()
+
+    def _marked(self, mark: Mark) -> None:
+        if self._zero is None:
+            self._early.append(mark)
+            return
+        details = {key: _degrees(value) if key.endswith("_deg") else value for key, value in mark.details.items()}
+        self.marks.append(Event((mark.t - self._zero) * NS, mark.duration * NS, mark.trial_type, details))
+
+    def _described(self, info: StreamInfo) -> None:
+        if self.infos.get(info.stream) != info:
+            self.infos[info.stream] = info
+            self._next_index.pop(info.stream, None)
+            self._rename()
+
+    def _released(self) -> Iterable[Block]:
+        """Blocks of the bursts whose stream is described by now."""
+        ready = [w for w in self._waiting if w[0].stream in self.streams]
+        self._waiting = deque((w for w in self._waiting if w[0].stream not in self.streams), maxlen=WAITING)
+        for samples, arrival in ready:
+            yield from self._sampled(samples, arrival)
+
+    def _rename(self) -> None:
+        """Stream descriptions of everything that is known from both its strip and its StreamInfo."""
+        for number, info in self.infos.items():
+            strip = self.strips.get(info.slot)
+            if strip is None:
+                continue
+            name = _label(strip.points) + (
+                "" if GYR in info.quantities else "_mag" if MAG in info.quantities else "_force" if FORCE in info.quantities else "_other"
+            )
+            if name in {s.name for n, s in self.streams.items() if n != number}:  # two strips for the same finger
+                name += f"_slot{info.slot}"
+            scales = {q: f for q, f in zip(info.quantities, info.full_scale) if f > 0}
+            stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales)
+            if self.streams.get(number) != stream:
+                self.streams[number] = stream
+
+    def _sampled(self, samples: Samples, arrival: float) -> Iterable[Block]:
+        stream, info = self.streams.get(samples.stream), self.infos.get(samples.stream)
+        if stream is None or info is None:
+            if len(self._waiting) == WAITING:
+                self.undescribed += 1
+            self._waiting.append((samples, arrival))
+            return
+        try:
+            values = values_of(samples, info, len(stream.sensors))
+        except BadPayloadError:
+            self.undescribed += 1
+            return
+        self.host.update(samples.t_sent * NS, arrival)
+        newest = self._newest.get(stream.name, -np.inf)
+        t = self._times(samples, info, arrival)
+        if info.clock != 0 and samples.count and 0 <= newest - t[0] < SET_BACK:
+            t = np.maximum(t, newest + 1e-6 * np.arange(1, samples.count + 1))
+        fresh = t > newest  # a clock that jumped back must not make time run backwards
+        self._count(stream, samples, values[fresh])
+        if fresh.any():
+            self._newest[stream.name] = float(t[fresh][-1])
+            yield Block(stream, t[fresh], values[fresh])
+
+    def _times(self, samples: Samples, info: StreamInfo, arrival: float) -> np.ndarray:
+        own = samples.t_first
+        if info.clock != 0:
+            clock = self._clocks.setdefault(info.clock, ClockMap())
+            clock.update(own * NS, samples.t_sent * NS)
+        base = own * NS if info.clock == 0 else self._clocks[info.clock].local(own * NS)
+        if self._zero is None:  # the first sample, or the first after the device began again
+            self._host_zero = arrival if self._host_zero is None else self._host_zero
+            self._zero = (own if info.clock == 0 else round(base / NS)) - round((arrival - self._host_zero) / NS)
+            while self._early:
+                self._marked(self._early.popleft())
+        first = (own - self._zero) * NS if info.clock == 0 else base - self._zero * NS
+        return first + np.arange(samples.count) / info.rate
+
+    def _count(self, stream: Stream, samples: Samples, values: np.ndarray) -> None:
+        count = self.counts.setdefault(stream.name, StreamCount())
+        expected = self._next_index.get(samples.stream)
+        lost = (samples.index - expected) % 2**32 if expected is not None else 0
+        count.lost += (lost if lost < 2**31 else 0) + samples.count - len(values)
+        count.samples += len(values)
+        for quantity, limit in stream.full_scale.items():
+            count.saturated += int((np.abs(values[..., stream.axes(quantity)]) >= 0.98 * limit).any(axis=-1).sum())
+        self._next_index[samples.stream] = (samples.index + samples.count) % 2**32
+
+
+def _degrees(value: str) -> float | str:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def _label(points: tuple[str, ...]) -> str:
+    """What people call the strip: its finger, or its only point."""
+    fingers = {point.split("_")[0] for point in points}
+    return fingers.pop() if len(fingers) == 1 else "_".join(points)
