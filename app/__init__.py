@@ -1,0 +1,1 @@
+"""What runs: devices, live stations, wizard, scene, HTTP API, reports, command line."""

@@ -1,0 +1,166 @@
+"""The process that records: it reads the port, writes the recording, then passes the bytes on. Nothing the server does can make it lose a sample.
+
+Run as `python -m app.devices.acquisition`; it talks to the server over its standard input and output in frames of `pipes`. Four threads: the port's
+reader only reads; the writer records and passes on; passing on never waits (the oldest bytes are dropped and counted); commands come in last.
+When the server dies the input ends: the recording is finished properly and the process leaves.
+"""
+
+import json
+import queue
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import IO, Any
+
+from app.devices.pipes import Kind, read_frame, write_frame
+from app.devices.ports import open_port
+from estimators.errors import InputError
+from estimators.samples import Event
+from sessions.recorder import Recorder
+
+FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
+RETRY = 0.5  # s between two tries to open a port that went away
+
+
+class Acquisition:
+    """State shared by the threads of the process."""
+
+    def __init__(self, port: str, recorder: Recorder, out: IO[bytes]) -> None:
+        self._path, self._recorder, self._out = port, recorder, out
+        self._port: Any = None
+        self._read: queue.SimpleQueue[tuple[str, Any, float]] = queue.SimpleQueue()
+        self._forward: queue.Queue[tuple[Kind, float, bytes]] = queue.Queue(FORWARD)
+        self._stop = threading.Event()
+        self._failed = False
+        self.dropped = 0
+
+    def run(self, commands: IO[bytes]) -> None:
+        """Until the server says quit or goes away."""
+        threads = [threading.Thread(target=t, daemon=True) for t in (self._reader, self._passer)]
+        listener = threading.Thread(target=self._listen, args=(commands,), daemon=True)
+        for thread in (*threads, listener):
+            thread.start()
+        while not (self._stop.is_set() and self._read.empty()):
+            try:
+                what, value, at = self._read.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            self._record(what, value, at)
+        self._stop.set()
+        self._recorder.close()
+        self._say(state="finished", bytes_written=self._recorder.bytes_written)
+        self._forward.put((Kind.END, 0.0, b""))
+        threads[1].join(timeout=2.0)
+
+    def _record(self, what: str, value: Any, at: float) -> None:
+        """Keep first, then pass on."""
+        try:
+            if what == "wire":
+                self._recorder.write(value, at)
+            elif what == "command":
+                self._recorder.command(value, at)
+            elif what == "event":
+                self._recorder.event(value["id"], None if value.get("retracted") else Event(**value["event"]), at)
+            elif what == "metadata":
+                self._recorder.metadata(value, at)
+        except (OSError, ValueError) as problem:
+            if not self._failed:
+                self._failed = True
+                self._say(state="recording_failed", reason=getattr(problem, "strerror", None) or str(problem))
+        if what == "wire":
+            self._pass_on(Kind.CHUNK, at, value)
+
+    def _reader(self) -> None:
+        """Read the port; when it goes away, say so and try to open it again."""
+        while not self._stop.is_set():
+            try:
+                self._port = open_port(self._path)
+                self._say(state="opened", port=self._path)
+                while not self._stop.is_set():
+                    chunk = self._port.read(65536)
+                    if chunk:
+                        self._read.put(("wire", bytes(chunk), time.monotonic_ns() * 1e-9))
+            except InputError as problem:
+                self._say(state="port_closed", reason=str(problem))
+            except (OSError, ValueError) as problem:
+                self._say(state="port_lost", reason=str(problem))
+            self._close_port()
+            self._stop.wait(RETRY)
+        self._close_port()
+
+    def _close_port(self) -> None:
+        port, self._port = self._port, None
+        if port is not None:
+            try:
+                port.close()
+            except OSError:
+                pass  # it is gone already: that is why it is closed
+
+    def _listen(self, commands: IO[bytes]) -> None:
+        while (frame := read_frame(commands)) is not None:
+            kind, at, data = frame
+            if kind is Kind.QUIT:
+                break
+            if kind is Kind.SEND:
+                self._send(data)
+            else:
+                self._read.put((kind.name.lower(), json.loads(data), at))
+        time.sleep(0.05)  # what is on its way from the port still belongs to the recording
+        self._stop.set()
+
+    def _send(self, data: bytes) -> None:
+        port = self._port
+        if port is None:
+            return
+        try:
+            port.write(data)
+            self._read.put(("command", data, time.monotonic_ns() * 1e-9))
+        except OSError:
+            pass  # the reader meets the same fault and says it
+
+    def _say(self, **state: Any) -> None:
+        self._pass_on(Kind.STATE, time.monotonic_ns() * 1e-9, json.dumps({**state, "dropped": self.dropped}).encode())
+
+    def _pass_on(self, kind: Kind, at: float, data: bytes) -> None:
+        while True:
+            try:
+                return self._forward.put_nowait((kind, at, data))
+            except queue.Full:
+                try:
+                    self._forward.get_nowait()
+                    self.dropped += 1
+                except queue.Empty:
+                    pass
+
+    def _passer(self) -> None:
+        while (item := self._forward.get())[0] is not Kind.END:
+            try:
+                write_frame(self._out, *item)
+            except (BrokenPipeError, OSError, ValueError):
+                return  # the server is gone; the recording goes on until the input ends
+
+
+def main() -> int:
+    """Wait for the order on standard input, then record."""
+    commands, out = sys.stdin.buffer, sys.stdout.buffer
+    frame = read_frame(commands)
+    if frame is None or frame[0] is not Kind.OPEN:
+        return 2
+    order = json.loads(frame[2])
+    try:
+        recorder = Recorder(Path(order["recording"]), order["metadata"], time.monotonic_ns() * 1e-9)
+    except OSError as problem:
+        write_frame(
+            out,
+            Kind.STATE,
+            time.monotonic_ns() * 1e-9,
+            json.dumps({"state": "recording_failed", "reason": problem.strerror, "dropped": 0}).encode(),
+        )
+        return 1
+    Acquisition(order["port"], recorder, out).run(commands)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""A glove in use: its recording process, what it sends as blocks, what it is told.
+
+port -> bytes -> recording process (first, always) -> decoder -> blocks -> `on_blocks`, called in the glove's own thread
+"""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from app.devices.pipes import Kind, read_frame, write_frame
+from estimators.samples import Block, Event
+from sessions.wire import messages as wire
+from sessions.wire.assembly import Assembler
+from sessions.wire.framing import Encoder
+
+CLOSE_WAIT = 10.0  # s that the recording process gets to finish its file
+
+
+@dataclass(frozen=True)
+class GloveState:
+    """What became of port and recording."""
+
+    state: str = "opening"  # opening, opened, port_closed, port_lost, recording_failed, finished
+    reason: str = ""
+    dropped: int = 0  # chunks that the live view missed; the recording has them
+
+
+class Glove:
+    """A context manager: entering starts the recording process, leaving finishes the recording."""
+
+    def __init__(self, port: str, recording: Path, metadata: Mapping[str, Any], on_blocks: Callable[[list[Block]], None]) -> None:
+        self.recording, self._port, self._metadata, self._on_blocks = recording, port, metadata, on_blocks
+        self.assembler = Assembler()
+        self.state = GloveState()
+        self.decoding_failures = 0
+        self._encoder = Encoder()
+        self._sending = threading.Lock()
+        self._changed = threading.Condition()
+
+    def __enter__(self) -> "Glove":
+        self._process = subprocess.Popen([sys.executable, "-m", "app.devices.acquisition"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._tell(Kind.OPEN, json.dumps({"port": self._port, "recording": str(self.recording), "metadata": dict(self._metadata)}).encode())
+        self._thread = threading.Thread(target=self._receive, name=f"glove {self._port}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.send(wire.Stop())
+        self._tell(Kind.QUIT)
+        try:
+            self._process.wait(CLOSE_WAIT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._thread.join(CLOSE_WAIT)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                try:
+                    pipe.close()
+                except OSError:
+                    pass  # the process was killed with our last words unread
+
+    @property
+    def pid(self) -> int:
+        """The recording process."""
+        return self._process.pid
+
+    def send(self, command: wire.Message) -> None:
+        """Tell the glove; the reply arrives in `assembler.replies`."""
+        with self._sending:
+            self._tell(Kind.SEND, self._encoder.frame(command))
+
+    def keep_event(self, event_id: str, event: Event | None) -> None:
+        """Write an event into the recording; the same id replaces, None takes back."""
+        value = {"id": event_id, "retracted": True} if event is None else {"id": event_id, "event": asdict(event)}
+        self._tell(Kind.EVENT, json.dumps(value).encode())
+
+    def keep_metadata(self, metadata: Mapping[str, Any]) -> None:
+        self._tell(Kind.METADATA, json.dumps(dict(metadata)).encode())
+
+    def now(self) -> float | None:
+        """The recording's time at this moment; None before the first sample."""
+        return self.assembler.recording_time(time.monotonic())
+
+    def wait_for(self, condition: Callable[["Glove"], bool], timeout: float) -> bool:
+        """Wait until the condition holds (looked at whenever something arrives); False after the timeout."""
+        with self._changed:
+            return self._changed.wait_for(lambda: condition(self), timeout)
+
+    def _tell(self, kind: Kind, data: bytes = b"") -> None:
+        assert self._process.stdin is not None
+        try:
+            write_frame(self._process.stdin, kind, time.monotonic(), data)
+        except (OSError, ValueError):
+            self._set_state(GloveState("recording_failed", "the recording process ended", self.state.dropped))
+
+    def _receive(self) -> None:
+        assert self._process.stdout is not None
+        while (frame := read_frame(self._process.stdout)) is not None:
+            kind, at, data = frame
+            if kind is Kind.STATE:
+                self._take_state(json.loads(data))
+            elif kind is Kind.CHUNK:
+                self._take_chunk(data, at)
+            with self._changed:
+                self._changed.notify_all()
+        if self.state.state != "finished":
+            self._set_state(GloveState("recording_failed", self.state.reason or "the recording process ended", self.state.dropped))
+
+    def _take_state(self, told: dict[str, Any]) -> None:
+        self._set_state(GloveState(told["state"], told.get("reason", ""), told.get("dropped", 0)))
+        if told["state"] == "opened":
+            self.send(wire.Identify())
+            self.send(wire.Start())
+
+    def _take_chunk(self, data: bytes, at: float) -> None:
+        try:
+            blocks = self.assembler.feed(data, at)
+            if blocks:
+                self._on_blocks(blocks)
+        except Exception:  # the view may fail, the recording goes on: count it, the station shows it
+            self.decoding_failures += 1
+
+    def _set_state(self, state: GloveState) -> None:
+        with self._changed:
+            self.state = state
+            self._changed.notify_all()

@@ -1,0 +1,164 @@
+"""Where a virtual glove's samples come from: a simulated person who does what the cue says, or a recording played back."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block, Event, Stream
+from estimators.simulation import kinematics, sensors, tasks
+from estimators.simulation.motion import Motion, after, shifted, through
+from estimators.simulation.sensors import SensorErrors
+from sessions.recording import LoadedRecording
+
+BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
+HOLD = 3600.0  # s that a pose is held until the next cue
+
+
+class Wearer(Protocol):
+    """Gives the samples of a stream between two instants of the glove's time; calls go forward in time."""
+
+    hand: Hand
+    streams: tuple[Stream, ...]
+    mounting: Mapping[str, Array]
+
+    def samples(self, stream: Stream, start: float, stop: float) -> Block: ...
+
+    def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
+        """Told to do a task at time t; False where it does not understand."""
+        ...
+
+    def marks(self, start: float, stop: float) -> list[Event]:
+        """Events that the glove itself knows to begin between the two instants."""
+        ...
+
+
+@dataclass
+class SimulatedPerson:
+    """A person with sensors on every segment asked for; understands the tasks of estimators.simulation.tasks."""
+
+    hand: Hand
+    geometry: HandGeometry
+    streams: tuple[Stream, ...]
+    rng: np.random.Generator
+    errors: SensorErrors
+    repeat: str | None = None  # a task that is begun again whenever nothing else is going on
+
+    def __post_init__(self) -> None:
+        worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
+        self._sensors = sensors.mounted(worn, self.geometry, self.errors, self.rng)
+        self._motion = through([(0.0, tasks.relaxed()), (1.0, tasks.relaxed())])
+        self._cache: dict[float, tuple[float, float, Array, Array]] = {}  # by rate: span, times, readings of all sensors
+        self.mounting: Mapping[str, Array] = {}
+
+    def samples(self, stream: Stream, start: float, stop: float) -> Block:
+        t, readings = self._readings(stream.rate, start, stop)
+        rows = [self._sensors.segments.index(s) for s in stream.sensors]
+        values = readings[:, rows]
+        return Block(stream, t, values if stream.inertial else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan))
+
+    def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
+        if task not in tasks.TASKS:
+            return False
+        x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
+        self._motion = _joined(
+            after((x, dx, ddx), [(t + BRIDGE, tasks.relaxed())], t), shifted(_performance(task, details, self.geometry), t + BRIDGE)
+        )
+        return True
+
+    def marks(self, start: float, stop: float) -> list[Event]:
+        return []
+
+    def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:
+        """All sensors' readings at the instants k / rate in [start, stop); streams of one rate share them."""
+        if self.repeat is not None and start >= self._motion.spline.x[-1]:
+            self.cue(self.repeat, {}, start)
+        cached = self._cache.get(rate)
+        if cached is None or cached[:2] != (start, stop):
+            t = np.arange(np.ceil(start * rate - 1e-6), np.ceil(stop * rate - 1e-6)) / rate
+            k = kinematics.of_motion(self._motion, self.geometry, t)
+            cached = (start, stop, t, sensors.inertial(self._sensors, k, rate, self.rng))
+            self._cache[rate] = cached
+        return cached[2], cached[3]
+
+
+@dataclass
+class Playback:
+    """A recording played through the glove: the same samples at the same instants, events as marks."""
+
+    recording: LoadedRecording
+
+    def __post_init__(self) -> None:
+        self.hand = self.recording.hand
+        self._whole = {s.name: b for b in self.recording.samples.values() for s in by_strip(b.stream)}
+        self.streams = tuple(replace(s, clock="base") for b in self.recording.samples.values() for s in by_strip(b.stream))
+        self.mounting = self.recording.mounting
+        starts = [b.t[0] for b in self.recording.samples.values() if len(b.t)]
+        self._first = float(min(starts))
+        self.duration = self.recording.duration
+
+    def samples(self, stream: Stream, start: float, stop: float) -> Block:
+        whole = self._whole[stream.name]
+        part = whole.between(start + self._first, stop + self._first)
+        rows = [whole.stream.sensors.index(s) for s in stream.sensors]
+        axes = np.concatenate([np.arange(whole.values.shape[2])[whole.stream.axes(q)] for q in stream.quantities])
+        return Block(stream, part.t - self._first, part.values[:, rows][:, :, axes])
+
+    def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
+        return False
+
+    def marks(self, start: float, stop: float) -> list[Event]:
+        return [
+            Event(e.onset - self._first, e.duration, e.trial_type, e.details)
+            for e in self.recording.events
+            if start <= e.onset - self._first < stop
+        ]
+
+
+def by_strip(stream: Stream) -> list[Stream]:
+    """A stream of many sensors split as a glove's strips are: one a finger, one for every other point; other than inertial quantities apart."""
+    groups: dict[str, list[str]] = {}
+    for sensor in stream.sensors:
+        groups.setdefault(sensor.split("_")[0] if sensor in SEGMENT else sensor, []).append(sensor)
+    kinds: list[tuple[str, tuple[str, ...]]] = [("", (GYR, ACC))] if stream.inertial else []
+    kinds += [(f"_{q}", (q,)) for q in stream.quantities if not (stream.inertial and q in (GYR, ACC))]
+    return [
+        Stream(name + suffix, tuple(points), quantities, stream.rate, stream.clock, stream.full_scale)
+        for name, points in groups.items()
+        for suffix, quantities in kinds
+    ]
+
+
+def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None) -> tuple[Stream, ...]:
+    """Streams of a glove with the base unit and the named strips (fingers, `forearm`), gyroscope and accelerometer at `rate` Hz."""
+    known = {"hand": ("hand",), "forearm": ("forearm",)} | {
+        f: tuple(s for s in SEGMENTS if s.startswith(f + "_")) for f in ("thumb", "index", "middle", "ring", "little")
+    }
+    unknown = [name for name in strips if name not in known]
+    if unknown:
+        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in known if n != 'hand')}")
+    scale = {GYR: np.radians(2000.0), ACC: 16 * sensors.GRAVITY}
+    wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
+    return tuple(
+        Stream(n, known[n], (GYR, ACC), forearm_rate or rate if n == "forearm" else rate, "forearm" if n == "forearm" else "base", scale)
+        for n in wanted
+    )
+
+
+def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry) -> Motion:
+    """The motion of a cue; a pose is held, everything else ends relaxed."""
+    if task == "initial_pose":
+        return tasks.initial_pose(geometry, HOLD).motion
+    if task in ("tapping", "open_close", "rest") and "duration" in details:
+        return tasks.TASKS[task](geometry, duration=float(details["duration"])).motion
+    return tasks.TASKS[task](geometry).motion
+
+
+def _joined(first: Motion, second: Motion) -> Motion:
+    spline = first.spline
+    return Motion(type(spline)(np.concatenate([spline.c, second.spline.c], axis=1), np.concatenate([spline.x, second.spline.x[1:]])))

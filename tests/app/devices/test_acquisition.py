@@ -1,0 +1,136 @@
+"""The recording process with real pseudo-terminals and files: nothing that was flushed is lost, whatever ends."""
+
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from app.devices.glove import Glove
+from app.devices.ports import open_port
+from estimators.errors import InputError
+from estimators.samples import Block, Event
+from sessions import native
+from tests.app.devices.virtual import virtual_glove, wait_for
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Iterator[Path]:
+    with virtual_glove(tmp_path / "glove", "--strips", "index") as path:
+        yield path
+
+
+def recorded(worn: Glove) -> Callable[[], bool]:
+    return lambda: (worn.assembler.counts["hand"].samples if "hand" in worn.assembler.counts else 0) > 150
+
+
+def children(pid: int) -> list[int]:
+    return [int(p) for p in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_what_the_glove_sends_is_recorded_and_seen_live(port: Path, tmp_path: Path) -> None:
+    seen: list[Block] = []
+    with Glove(str(port), tmp_path / "r.mcap", {"hand": "left"}, seen.extend) as worn:
+        wait_for(recorded(worn))
+        worn.keep_event("e1", Event(0.5, 1.0, "task", {"task_name": "tapping"}))
+        worn.keep_event("e2", Event(0.7, 1.0, "task", {"task_name": "rom"}))
+        worn.keep_event("e2", None)
+    recording = native.load(tmp_path / "r.mcap")
+    assert recording.warnings == ()
+    assert {s.name for s in recording.streams} == {"hand", "index"}
+    assert [e.details["task_name"] for e in recording.events] == ["tapping"]
+    live = sum(len(b.t) for b in seen if b.stream.name == "hand")
+    assert len(recording.samples["hand"].t) >= live > 100
+
+
+def test_a_killed_recording_process_leaves_all_but_the_last_second(port: Path, tmp_path: Path) -> None:
+    with Glove(str(port), tmp_path / "r.mcap", {"hand": "left"}, lambda blocks: None) as worn:
+        wait_for(recorded(worn))
+        newest = worn.now()
+        os.kill(worn.pid, signal.SIGKILL)
+        wait_for(lambda: worn.state.state == "recording_failed")
+    assert newest is not None
+    recording = native.load(tmp_path / "r.mcap")
+    assert recording.samples["hand"].t[-1] > newest - 1.0
+    assert any("was not closed" in w for w in recording.warnings)
+
+
+def test_when_the_server_is_killed_the_recording_is_finished(port: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys, time, pathlib; from app.devices.glove import Glove\n"
+        "with Glove(sys.argv[1], pathlib.Path(sys.argv[2]), {'hand': 'left'}, lambda b: None) as g:\n"
+        "    g.wait_for(lambda g: 'hand' in g.assembler.counts and g.assembler.counts['hand'].samples > 150, 20)\n"
+        "    print(g.pid, flush=True); time.sleep(60)\n"
+    )
+    file = tmp_path / "r.mcap"
+    server = subprocess.Popen([sys.executable, "-c", code, str(port), str(file)], stdout=subprocess.PIPE, text=True)
+    assert server.stdout is not None
+    recorder = int(server.stdout.readline())
+    server.kill()
+    server.wait()
+    server.stdout.close()
+    wait_for(lambda: not Path(f"/proc/{recorder}").exists())
+    recording = native.load(file)
+    assert not any("was not closed" in w for w in recording.warnings)
+    assert len(recording.samples["hand"].t) > 150
+
+
+def test_a_port_that_vanishes_is_said_and_taken_up_again(tmp_path: Path) -> None:
+    with (
+        virtual_glove(tmp_path / "glove", "--strips", "index", "--unplug", "2.5:0.6") as path,
+        Glove(str(path), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn,
+    ):
+        wait_for(recorded(worn))
+        before = worn.assembler.counts["hand"].samples
+        wait_for(lambda: worn.state.state in ("port_lost", "port_closed"))
+        wait_for(lambda: worn.state.state == "opened")
+        wait_for(lambda: worn.assembler.counts["hand"].samples > before + 200)
+    t = native.load(tmp_path / "r.mcap").samples["hand"].t
+    gap = (t[1:] - t[:-1]).max()
+    assert 0.3 < gap < 5.0  # time went on while the cable was out, although the glove began again
+
+
+def test_a_full_disk_is_said_and_what_was_written_stays_readable(port: Path, tmp_path: Path) -> None:
+    """The kernel refuses to let the file grow, as a full disk does."""
+    with Glove(str(port), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn:
+        wait_for(recorded(worn))
+        size = (tmp_path / "r.mcap").stat().st_size
+        resource.prlimit(worn.pid, resource.RLIMIT_FSIZE, (size + 2000, size + 2000))
+        wait_for(lambda: worn.state.state == "recording_failed")
+        assert worn.state.reason == os.strerror(errno.EFBIG)
+        seen = worn.assembler.counts["hand"].samples
+        wait_for(lambda: worn.assembler.counts["hand"].samples > seen + 50)  # the live view goes on
+    recording = native.load(tmp_path / "r.mcap")
+    assert len(recording.samples["hand"].t) > 150
+
+
+def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(port: Path, tmp_path: Path) -> None:
+    first = open_port(str(port))
+    with pytest.raises(InputError, match="in use by another program"):
+        open_port(str(port))
+    first.close()
+    with pytest.raises(InputError, match="is the glove plugged in"):
+        open_port(str(tmp_path / "nothing"))
+    with pytest.raises(InputError, match="cannot be opened as a serial port"):
+        open_port(str(tmp_path))
+
+
+def test_a_port_where_no_glove_speaks_gives_no_samples_and_no_harm(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        with Glove(os.ttyname(slave), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn:
+            wait_for(lambda: worn.state.state == "opened")
+            os.write(master, b"AT+GMM\r\nhello, I am a modem\r\n\0" * 50)
+            wait_for(lambda: worn.assembler.counters.corrupt >= 50)
+            assert not worn.assembler.streams
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert len(native.read(tmp_path / "r.mcap").wire) > 0
