@@ -1,0 +1,1 @@
+"""Live stations: one glove, one patient's session, one scene, led by a wizard."""

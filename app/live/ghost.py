@@ -1,0 +1,43 @@
+"""What the ghost hand shows for a step of the wizard: the initial pose, or the task's postures in turn."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from app.live.wizard import State, Wizard
+from app.scene import postures
+from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
+from estimators.initial_pose import DEG
+from estimators.quaternions import Array
+
+SHOWN = (State.POSE_READY, State.POSE_HOLD, State.TASK_READY, State.COUNTDOWN)
+STEP = 0.5  # s of movement to the next posture, of each posture's pace
+
+
+def pose_angles(thumb_cmc: tuple[float, float, float]) -> Array:
+    """Joint angles (joints, 3) of the initial pose with the thumb at these CMC angles (rad)."""
+    angles = np.zeros((len(JOINTS), 3))
+    angles[JOINT["thumb_cmc"]] = thumb_cmc
+    return angles
+
+
+def angles_of(degrees: Mapping[str, float]) -> Array:
+    """Joint angles (joints, 3) of a posture by names of freedoms, in deg; what is not named is 0."""
+    angles = np.zeros((len(JOINTS), 3))
+    for name, value in degrees.items():
+        joint, _, angle = name.rpartition("_")
+        angles[JOINT[joint], ANGLES.index(angle)] = value * DEG
+    return angles
+
+
+def ghost(wizard: Wizard, thumb_cmc: tuple[float, float, float], t: float) -> Array | None:
+    """The ghost's angles at t s into the state, or None where it is not shown."""
+    if wizard.state not in SHOWN:
+        return None
+    if wizard.state in (State.POSE_READY, State.POSE_HOLD):
+        return pose_angles(thumb_cmc)
+    protocol = wizard.protocol
+    if protocol is None or not protocol.ghost:
+        return None
+    shown = [angles_of(p) for p in protocol.ghost]
+    return postures.along(shown, t, move=STEP * protocol.pace, hold=(1 - STEP) * protocol.pace)

@@ -1,0 +1,132 @@
+"""A station that plays a result's movement in the 3-D scene, with a time line."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+
+from app.live.curve import Curve
+from app.scene.hand_scene import HandScene
+from estimators.errors import InputError
+from estimators.hand_anatomy import ANGLES, CHAINS, FINGERS, JOINTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+TICK = 1 / 60  # s
+SPEEDS = (0.1, 4.0)
+
+
+class Replay:
+    """A context manager; `act` plays, pauses, seeks, changes the speed."""
+
+    kind: Literal["replay"] = "replay"
+
+    def __init__(self, name: str, hand: Hand, geometry: HandGeometry, session: int, result: int, movement: dict[str, Array]) -> None:
+        self.name, self.session, self.result, self.hand = name, session, result, hand
+        self.scene = HandScene(hand, geometry)
+        self.curve = Curve()
+        self.playing, self.speed = False, 1.0
+        self.t = float(movement["t"][0])
+        self.used = time.monotonic()
+        self._movement = movement
+        self._lock = threading.Lock()
+        self._viewers: list[Callable[[], object]] = []
+        self._stop = threading.Event()
+
+    def __enter__(self) -> "Replay":
+        angles = self._movement["angles"]
+        known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]
+        children = {joint.child for joint, k in zip(JOINTS, known) if k}
+        self.scene.measured([f for f in FINGERS if CHAINS[f][-1] in children])
+        self._draw()
+        self._thread = threading.Thread(target=self._run, name=f"replay {self.name}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join(5.0)
+        self.scene.close()
+        self._notify()
+
+    @property
+    def ended(self) -> bool:
+        return self._stop.is_set()
+
+    @property
+    def span(self) -> tuple[float, float]:
+        return float(self._movement["t"][0]), float(self._movement["t"][-1])
+
+    def act(self, what: str, value: float | None = None) -> None:
+        """play, pause, seek (to `value` s) or speed (`value`)."""
+        first, last = self.span
+        self.used = time.monotonic()
+        with self._lock:
+            if what == "play":
+                self.t = first if self.t >= last else self.t
+                self.playing = True
+            elif what == "pause":
+                self.playing = False
+            elif what == "seek" and value is not None and np.isfinite(value):
+                self.t = float(np.clip(value, first, last))
+            elif what == "speed" and value is not None and np.isfinite(value):
+                self.speed = float(np.clip(value, *SPEEDS))
+            else:
+                raise InputError(f"there is no action {what!r} with value {value}; actions are play, pause, seek and speed")
+            self._draw()
+        self._notify()
+
+    def snapshot(self) -> dict[str, Any]:
+        first, last = self.span
+        where = {"t": self.t, "start": first, "stop": last, "playing": self.playing, "speed": self.speed}
+        return {
+            "station": self.name,
+            "session": self.session,
+            "result": self.result,
+            "hand": self.hand,
+            "replay": where,
+            "ended": self.ended,
+        }
+
+    def pulse(self, since: float) -> dict[str, Any]:
+        row = np.degrees(self._movement["angles"][self._row()])
+        angles = [
+            {"joint": j.name, "angle": ANGLES[a], "deg": round(float(row[k, a]), 1)}
+            for k, j in enumerate(JOINTS)
+            for a in j.dofs
+            if np.isfinite(row[k, a])
+        ]
+        return {"angles": angles, "points": [], "t": round(self.t, 3), "playing": self.playing}
+
+    def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
+        """As a live station's."""
+        self._viewers.append(notice)
+        notice()
+        return lambda: self._viewers.remove(notice)
+
+    def _run(self) -> None:
+        before = time.monotonic()
+        while not self._stop.wait(TICK):
+            now = time.monotonic()
+            passed, before = now - before, now
+            if not self.playing:
+                continue
+            with self._lock:
+                self.t = min(self.t + passed * self.speed, self.span[1])
+                self.playing = self.t < self.span[1]
+                self._draw()
+            self._notify()
+
+    def _row(self) -> int:
+        return int(np.clip(np.searchsorted(self._movement["t"], self.t), 0, len(self._movement["t"]) - 1))
+
+    def _draw(self) -> None:
+        k = self._row()
+        self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
+        self.scene.flush()
+
+    def _notify(self) -> None:
+        for notice in list(self._viewers):
+            notice()

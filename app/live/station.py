@@ -1,0 +1,253 @@
+"""A live station: one glove, one patient's session, one scene, led by the wizard.
+
+glove thread:    bytes are recorded, decoded, handed to the tracker (never waits)
+tracker thread:  newest pose -> scene, curve
+station thread:  facts -> wizard -> orders, ghost, notice to viewers, 20 times a second
+requests:        `act` leaves a person's wish, `snapshot` tells where things stand
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+import numpy as np
+
+from app.devices.glove import Glove
+from app.live import ghost, wizard
+from app.live.curve import Curve
+from app.live.telling import beat, tell
+from app.live.tracking import Tracking
+from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
+from app.protocols import Protocol
+from app.scene.hand_scene import HandScene
+from app.version import software_version
+from estimators.calibration import Calibration
+from estimators.errors import InputError
+from estimators.hand_anatomy import CHAINS, FINGERS, Hand
+from estimators.hand_geometry import HandGeometry, table_of
+from estimators.initial_pose import DEG, Pose
+from estimators.samples import Event
+from estimators.simulation.tasks import POSE_THUMB
+from estimators.trajectory import Trajectory
+from sessions.wire.messages import Cue
+
+log = logging.getLogger(__name__)
+TICK = 0.05  # s
+FLOWING = 0.5  # s without a sample that count as silence
+MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
+WIGGLE = 10.0  # s that bending one finger after the other takes
+THUMB = (POSE_THUMB[0] * DEG, POSE_THUMB[1] * DEG, POSE_THUMB[2] * DEG)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What a station is opened with."""
+
+    session: int
+    hand: Hand
+    geometry: HandGeometry
+    port: str
+    recording: Path
+    method_name: str
+    method: ModuleType
+    params: Any
+    protocols: tuple[Protocol, ...]
+    about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
+
+
+class Station:
+    """A context manager; leaving it ends the recording. `on_finish` is called once, when the wizard says that the session is over."""
+
+    kind: Literal["live"] = "live"
+
+    def __init__(self, name: str, setup: Setup, on_finish: Callable[["Station"], None]) -> None:
+        self.name, self.setup = name, setup
+        self.scene = HandScene(setup.hand, setup.geometry)
+        self.curve = Curve()
+        self.latest: Trajectory | None = None  # the newest row
+        self.attempt_numbers = 0
+        self._on_finish = on_finish
+        self._lock = threading.RLock()
+        self._wizard = Wizard(setup.protocols, setup.params.pose_duration)
+        self._calibration: Calibration | None = None
+        self._viewers: list[Callable[[], object]] = []
+        self._stop = threading.Event()
+        self._problem = ""
+        self._wiggled = -np.inf  # host's clock when a virtual patient was told last to bend one finger after the other
+        self._known = Facts(time.monotonic(), -np.inf, False, 0.0, "", frozenset())
+        about = {
+            "hand": setup.hand,
+            "geometry": table_of(setup.geometry),
+            "software": software_version(),
+            "port": setup.port,
+            **setup.about,
+        }
+        self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
+        self.glove = Glove(setup.port, setup.recording, about, self.tracking.feed)
+
+    def __enter__(self) -> "Station":
+        self.tracking.__enter__()
+        self.glove.__enter__()
+        self.scene.measured(())
+        self._thread = threading.Thread(target=self._run, name=f"station {self.name}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(5.0)
+        self.glove.__exit__(None, None, None)
+        self.tracking.__exit__()
+        self.scene.close()
+        self._notify()
+
+    @property
+    def ended(self) -> bool:
+        return self._stop.is_set()
+
+    def act(self, what: str, task: str = "", reason: str = "") -> None:
+        """A person's wish; InputError where it cannot be done now."""
+        try:
+            wish = Act(what)
+        except ValueError:
+            raise InputError(f"there is no action {what!r}; actions are {', '.join(a for a in Act if a in wizard.BY_PERSON)}") from None
+        with self._lock:
+            facts = self._now()
+            try:
+                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason)
+            except NotNowError as refusal:
+                raise InputError(str(refusal)) from None
+            self._do(orders, facts)
+        self._notify()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Where the session stands, for a page."""
+        with self._lock:
+            return tell(self, self._wizard, self._now(), self._calibration, self._problem)
+
+    def pulse(self, since: float) -> dict[str, Any]:
+        """What changes with every pose: angles, the curve's points later than `since`, the age of the newest row."""
+        return beat(self, since)
+
+    def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
+        """Have `notice` called (from any thread) whenever there is something new; gives back how to stop that."""
+        with self._lock:
+            self._viewers.append(notice)
+
+        def leave() -> None:
+            with self._lock:
+                self._viewers.remove(notice)
+
+        return leave
+
+    def _run(self) -> None:
+        while not self._stop.wait(TICK):
+            try:
+                with self._lock:
+                    self._known = facts = self._facts()
+                    self._wizard, orders = wizard.tick(self._wizard, facts)
+                    self._do(orders, facts)
+                    self._wiggle(facts)
+                    self._draw(facts)
+            except Exception:  # one bad tick must not end a session that records
+                log.exception("station %s", self.name)
+            self._notify()
+
+    def _posed(self, rows: Trajectory) -> None:
+        """In the tracker's thread: draw the newest pose, remember the curve."""
+        self.latest = rows
+        self.scene.show(rows.angles[-1], rows.q_GS[-1, 1])
+        self.scene.flush()
+        self.curve.add(rows)
+        self._notify()
+
+    def _now(self) -> Facts:
+        """The facts of the last tick at this moment: looking at every sensor again for every viewer would cost a core."""
+        return replace(self._known, now=time.monotonic(), t=self.tracking.newest_sample())
+
+    def _facts(self) -> Facts:
+        motion = self.tracking.motion()
+        newest = self.tracking.newest_sample()
+        now = self.glove.now()
+        fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING}
+        worst = max(fresh, key=lambda s: fresh[s].rate, default="")
+        flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
+        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh))
+
+    def _contradiction(self) -> str:
+        identity = self.glove.assembler.identity
+        if identity is not None and identity.hand is not None and identity.hand != self.setup.hand:
+            return f"This is a {identity.hand} glove, the session is of the {self.setup.hand} hand. Connect the {self.setup.hand} glove or end the session."
+        return ""
+
+    def _do(self, orders: Sequence[Order], facts: Facts) -> None:
+        for order in orders:
+            if order.kind == "cue":
+                self._cue(order.task)
+            elif order.kind == "calibrate":
+                self._calibrate(order, facts)
+            elif order.kind == "drop_pose":
+                self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
+            elif order.kind == "keep_attempt":
+                self._keep(order)
+            elif order.kind == "finish":
+                threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
+
+    def _wiggle(self, facts: Facts) -> None:
+        """While sensors are checked, a virtual patient does what the page asks for."""
+        if self._wizard.state is State.CONNECT and facts.flowing and facts.now - self._wiggled > WIGGLE:
+            self._wiggled = facts.now
+            self._cue("wiggle")
+
+    def _cue(self, task: str) -> None:
+        protocol = next((p for p in self.setup.protocols if p.name == task), None)
+        self.curve.follow(protocol.curve if protocol else None)
+        name, details = (protocol.cue, protocol.cue_details) if protocol else (task, {})
+        if name:
+            self.glove.send(Cue(name, dict(details)))
+
+    def _calibrate(self, order: Order, facts: Facts) -> None:
+        pose = Pose(order.onset, order.end - order.onset, THUMB)
+        self.tracking.mounting = self.glove.assembler.mounting
+        try:
+            self._calibration = self.tracking.calibrate(pose)
+        except InputError as problem:
+            self._wizard = wizard.refused(self._wizard, facts, str(problem))
+            return
+        self.attempt_numbers += 1
+        angles = {f"thumb_cmc_{name}_deg": value for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)}
+        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(pose.onset, pose.duration, "initial_pose", angles))
+        self.scene.face_ahead()
+        self.scene.measured(_measured_fingers(self._calibration))
+
+    def _keep(self, order: Order) -> None:
+        self.attempt_numbers += 1
+        accepted = order.reason == "accepted"
+        details = {"task_name": order.task, "outcome": order.reason}
+        onset = order.onset if np.isfinite(order.onset) else self.tracking.newest_sample()
+        length = order.end - order.onset if np.isfinite(order.onset) else 0.0
+        self.glove.keep_event(f"task-{self.attempt_numbers}", Event(onset, length, "task" if accepted else "annotation", details))
+
+    def _draw(self, facts: Facts) -> None:
+        """Ghost, lit segment and caption of the state."""
+        self._problem = self._contradiction()
+        w = self._wizard
+        self.scene.ghost(ghost.ghost(w, THUMB, facts.now - w.since))
+        checking = w.state is State.CONNECT and facts.wander > MOVES
+        self.scene.highlight(facts.restless if checking else None)
+        if w.state is State.CONNECT:
+            self.scene.measured([f for f in FINGERS if set(CHAINS[f]) <= facts.measured])
+
+    def _notify(self) -> None:
+        for notice in list(self._viewers):
+            notice()
+
+
+def _measured_fingers(calibration: Calibration) -> list[str]:
+    return [f for f in FINGERS if set(CHAINS[f]) <= set(calibration.q_BS)]

@@ -1,0 +1,140 @@
+"""All stations of a server: opened by name, one a glove, each with its own scene; closed with the server."""
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from app.live.replay import Replay
+from app.live.station import Setup, Station
+from app.options import with_options
+from app.protocols import load_all
+from app.results import load_replay
+from estimators.errors import InputError
+from estimators.hand_geometry import measures_from, sized
+from estimators.methods import METHODS
+from sessions import records
+from sessions.store import Store
+from sessions.tables import PatientSession, Result
+
+log = logging.getLogger(__name__)
+MOST_REPLAYS = 6  # beyond, the one that was used longest ago is closed
+AnyStation = Station | Replay
+MakeSetup = Callable[[PatientSession, Path, str, str], Setup]
+
+
+class Stations:
+    """A context manager; `on_finish` hears of every live station that ended, after its recording is closed."""
+
+    def __init__(self, on_finish: Callable[[Station], None]) -> None:
+        self._stations: dict[str, AnyStation] = {}
+        self._lock = threading.RLock()
+        self._on_finish = on_finish
+
+    def __enter__(self) -> "Stations":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for station in self.all():
+            self.close(station.name)
+
+    def open_live(self, setup: Setup) -> Station:
+        """A station for a glove; InputError where another one uses it."""
+        with self._lock:
+            self.require_free(setup.port)
+            station = Station(secrets.token_hex(4), setup, lambda s: self.close(s.name))
+            station.__enter__()
+            self._stations[station.name] = station
+            return station
+
+    def open_replay(self, store: Store, result: Result) -> Replay:
+        """A station that replays a result; the same result has one."""
+        session = result.recording.session
+        with self._lock:
+            for station in self._stations.values():
+                if isinstance(station, Replay) and station.result == result.id:
+                    station.used = time.monotonic()
+                    return station
+            self._close_oldest_replays()
+            hand = records.hand_of(session.hand)
+            measures = session.geometry or result.recording.summary.get("geometry") or {}
+            replay = Replay(
+                secrets.token_hex(4), hand, sized(hand, measures_from(measures)), session.id, result.id, load_replay(store, result)
+            )
+            replay.__enter__()
+            self._stations[replay.name] = replay
+            return replay
+
+    def get(self, name: str) -> AnyStation:
+        """The station; InputError where there is none."""
+        with self._lock:
+            station = self._stations.get(name)
+        if station is None:
+            raise InputError(f"there is no station {name}; it was closed")
+        return station
+
+    def all(self) -> list[AnyStation]:
+        with self._lock:
+            return list(self._stations.values())
+
+    def of_session(self, session: int) -> Station | None:
+        """The live station of a session."""
+        return next((s for s in self.all() if isinstance(s, Station) and s.setup.session == session), None)
+
+    def uses(self, port: str) -> bool:
+        """Whether a live station has this port."""
+        return any(isinstance(s, Station) and _same(s.setup.port, port) for s in self.all())
+
+    def require_free(self, port: str) -> None:
+        """InputError where a live station has this port."""
+        if self.uses(port):
+            raise InputError(f"the glove at {port} is in use by another session; finish that one first")
+
+    def close(self, name: str) -> None:
+        """End a station; a live one's recording is finished first, then `on_finish` hears of it."""
+        with self._lock:
+            station = self._stations.pop(name, None)
+        if station is None:
+            return
+        station.__exit__(None, None, None)
+        if isinstance(station, Station):
+            self._on_finish(station)
+
+    def _close_oldest_replays(self) -> None:
+        replays = sorted((s for s in self._stations.values() if isinstance(s, Replay)), key=lambda s: s.used)
+        for replay in replays[: max(0, len(replays) - MOST_REPLAYS + 1)]:
+            self._stations.pop(replay.name)
+            replay.__exit__(None, None, None)
+
+
+def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
+    """Check method and options before anything is begun; gives a function that makes the setup once session and file are known."""
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
+    module = METHODS[method]
+    params = with_options(module.Params, options)
+    protocols = tuple(load_all().values())
+
+    def make(session: PatientSession, recording: Path, port: str, pseudonym: str) -> Setup:
+        hand = records.hand_of(session.hand)
+        return Setup(
+            session=session.id,
+            hand=hand,
+            geometry=sized(hand, measures_from(session.geometry)),
+            port=port,
+            recording=recording,
+            method_name=method,
+            method=module,
+            params=params,
+            protocols=protocols,
+            about={"session": session.id, "pseudonym": pseudonym},
+        )
+
+    return make
+
+
+def _same(a: str, b: str) -> bool:
+    return a == b or (Path(a).exists() and Path(b).exists() and Path(a).resolve() == Path(b).resolve())

@@ -1,0 +1,171 @@
+"""What a page is told about a live station: plain data, clinical words, degrees and millimetres."""
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from app.live import wizard as wz
+from app.live.wizard import Facts, State, Wizard
+from estimators.calibration import Calibration
+from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
+from estimators.measures import tapping
+
+if TYPE_CHECKING:
+    from app.live.station import Station
+
+STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
+STEP_OF = {State.CONNECT: "connect", State.FINISHED: "finish"} | dict.fromkeys(
+    (State.POSE_READY, State.POSE_HOLD, State.POSE_REVIEW), "pose"
+)
+WORDS = {
+    State.CONNECT: ("Put the glove on", "Bend one finger after the other: the finger that moves must light up."),
+    State.POSE_READY: (
+        "Initial pose",
+        "Lay the hand flat, fingers straight and together, thumb stretched out sideways as the blue hand shows. Then start.",
+    ),
+    State.POSE_HOLD: ("Hold still", "Keep the hand exactly like this until the bar is full."),
+    State.POSE_REVIEW: ("Does the hand look right?", "The 3-D hand should lie as the patient's hand does. If not, do the pose again."),
+    State.TASKS: ("Choose a task", "Do the tasks in order, or only those you need."),
+    State.TASK_REVIEW: ("Keep this one?", "Accept what was recorded, do it again, or skip the task with a reason."),
+    State.FINISHED: ("Finished", "The recording is closed. The results are being computed."),
+}
+
+
+def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibration | None, problem: str) -> dict[str, Any]:
+    """The whole snapshot."""
+    return {
+        "station": station.name,
+        "session": station.setup.session,
+        "hand": station.setup.hand,
+        "wizard": _wizard(wizard, facts),
+        "glove": _glove(station, facts, problem),
+        "calibration": _calibration(calibration),
+        "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
+        "numbers": _numbers(station, wizard, facts),
+        "ended": station.ended,
+    }
+
+
+def beat(station: "Station", since: float) -> dict[str, Any]:
+    """The light message that follows every pose."""
+    return {
+        "angles": _angles(station),
+        "points": station.curve.since(since),
+        "what": station.curve.what,
+        "row_age_ms": _row_age(station),
+        "told": time.monotonic(),
+    }
+
+
+def _wizard(w: Wizard, facts: Facts) -> dict[str, Any]:
+    protocol = w.protocol
+    in_task = w.state in (State.TASK_READY, State.COUNTDOWN, State.TASK_RUN)
+    title, words = (protocol.title, protocol.instruction) if in_task and protocol else WORDS.get(w.state, ("", ""))
+    return {
+        "state": w.state,
+        "step": STEP_OF.get(w.state, "tasks"),
+        "steps": [{"name": name, "title": text} for name, text in STEPS],
+        "title": title,
+        "instruction": words,
+        "message": w.message,
+        "actions": w.allowed(facts),
+        "progress": round(wz.progress(w, facts), 3),
+        "remaining": None if (left := wz.remaining(w, facts)) is None else round(left, 2),
+        "still": facts.wander <= wz.STILL_RATE,
+        "restless": facts.restless,
+        "task": w.task,
+        "tasks": [{"name": p.name, "title": p.title, "outcome": w.outcome(p.name), "duration": p.duration} for p in w.offered(facts)],
+    }
+
+
+def _glove(station: "Station", facts: Facts, problem: str) -> dict[str, Any]:
+    glove = station.glove
+    a = glove.assembler
+    return {
+        "state": glove.state.state,
+        "reason": glove.state.reason,
+        "problem": problem,
+        "flowing": facts.flowing,
+        "name": a.identity.name if a.identity else None,
+        "firmware": a.identity.firmware if a.identity else None,
+        "battery": a.status.battery_percent if a.status else None,
+        "strips": _strips(station),
+        "measured": [s for s in SEGMENTS if s in facts.measured],
+        "frames_lost": a.counters.lost,
+        "frames_corrupt": a.counters.corrupt,
+        "overruns": a.status.overruns if a.status else 0,
+        "dropped_live": glove.state.dropped + station.tracking.skipped,
+        "method_failures": station.tracking.failures,
+        "decoding_failures": glove.decoding_failures,
+        "recorded": round(facts.t, 1) if np.isfinite(facts.t) else 0.0,
+        "row_age_ms": _row_age(station),
+        "told": time.time(),
+    }
+
+
+def _row_age(station: "Station") -> float | None:
+    """How old the newest pose is, sampled to now, in ms."""
+    now = station.glove.now()
+    return None if station.latest is None or now is None else round(1e3 * (now - float(station.latest.t[-1])), 1)
+
+
+def _strips(station: "Station") -> list[dict[str, Any]]:
+    a = station.glove.assembler
+    told = []
+    for number, stream in sorted(a.streams.items()):
+        count = a.counts.get(stream.name)
+        lost, saturated, samples = (count.lost, count.saturated, count.samples) if count else (0, 0, 0)
+        told.append(
+            {
+                "stream": number,
+                "name": stream.name,
+                "sensors": len(stream.sensors),
+                "rate": stream.rate,
+                "samples": samples,
+                "lost": lost,
+                "saturated": saturated,
+            }
+        )
+    return told
+
+
+def _calibration(c: Calibration | None) -> dict[str, Any] | None:
+    if c is None:
+        return None
+    worst = max(c.quality, key=lambda s: c.quality[s].rate_wander)
+    tilted = max(c.quality, key=lambda s: c.quality[s].misalignment)
+    return {
+        "source": c.source,
+        "stillness_deg_s": round(float(np.degrees(c.quality[worst].rate_wander)), 2),
+        "least_still": worst,
+        "misalignment_deg": round(float(np.degrees(c.quality[tilted].misalignment)), 1),
+        "most_misaligned": tilted,
+        "warnings": list(c.warnings),
+    }
+
+
+def _angles(station: "Station") -> list[dict[str, Any]]:
+    if station.latest is None:
+        return []
+    row = np.degrees(station.latest.angles[-1])
+    return [
+        {"joint": joint.name, "angle": ANGLES[a], "deg": round(float(row[j, a]), 1)}
+        for j, joint in enumerate(JOINTS)
+        for a in joint.dofs
+        if np.isfinite(row[j, a])
+    ]
+
+
+def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]]:
+    """Live numbers of the task that runs or was just done."""
+    if w.state not in (State.TASK_RUN, State.TASK_REVIEW) or w.protocol is None:
+        return []
+    points = station.curve.since(w.onset)
+    if len(points) < 3:
+        return []
+    t, values = np.array(points).T
+    told = [("largest", float(values.max()), station.curve.unit), ("smallest", float(values.min()), station.curve.unit)]
+    if station.curve.what == "aperture":
+        told.insert(0, ("taps", float(max(0, len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1)), ""))
+    return [{"name": name, "value": round(value, 1), "unit": unit} for name, value, unit in told]

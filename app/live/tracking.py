@@ -1,0 +1,221 @@
+"""The tracker of a live station: takes blocks from the glove's thread, steps the method in its own, keeps the newest pose and a short past.
+
+Nothing here can hold up the recording: the queue is bounded, and full means that the oldest blocks are skipped and counted.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from estimators import initial_pose, trajectory
+from estimators.calibration import Calibration
+from estimators.errors import InputError
+from estimators.hand_anatomy import Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.initial_pose import Pose
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block, join
+from estimators.trajectory import Trajectory
+
+log = logging.getLogger(__name__)
+QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
+PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held
+PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
+PATIENCE = 0.1  # s that a silent strip is waited for
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How much a sensor moves right now."""
+
+    rate: float  # rad/s, mean angular rate over the last second against its own mean
+    seen: float  # s, newest sample
+
+
+class Tracking:
+    """A context manager that owns the estimator's thread."""
+
+    def __init__(self, method: ModuleType, params: Any, hand: Hand, geometry: HandGeometry, on_pose: Callable[[Trajectory], None]) -> None:
+        self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
+        self.skipped = 0  # blocks that the live view left out; the recording has them
+        self.failures = 0  # times that the method failed and was started again
+        self.calibration: Calibration | None = None
+        self.mounting: Mapping[str, Array] = {}
+        self._on_pose = on_pose
+        self._queue: deque[Block] = deque()
+        self._wake = threading.Condition()
+        self._stop = False
+        self._lock = threading.RLock()  # state, past samples and past poses
+        self._state: Any = None
+        self._samples: dict[str, deque[Block]] = {}
+        self._poses: deque[Trajectory] = deque()
+
+    def __enter__(self) -> "Tracking":
+        self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._wake:
+            self._stop = True
+            self._wake.notify()
+        self._thread.join(5.0)
+
+    def feed(self, blocks: list[Block]) -> None:
+        """Take blocks from the glove's thread; never waits."""
+        with self._wake:
+            self._queue.extend(blocks)
+            while len(self._queue) > QUEUE:
+                self._queue.popleft()
+                self.skipped += 1
+            self._wake.notify()
+
+    def calibrate(self, pose: Pose) -> Calibration:
+        """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
+        with self._lock:
+            window = [join(list(blocks)) for blocks in self._samples.values() if blocks]
+            calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
+            self._begin(calibration)
+            return calibration
+
+    def begin(self, calibration: Calibration) -> None:
+        """Start from a calibration made before."""
+        with self._lock:
+            self._begin(calibration)
+
+    def motion(self) -> dict[str, Motion]:
+        """How much each sensor moves, from the last second of its samples, by segment."""
+        with self._lock:
+            recent = {name: _latest(blocks, 1.0) for name, blocks in self._samples.items()}
+        return {segment: m for block in recent.values() if block is not None for segment, m in _motions(block).items()}
+
+    def newest_sample(self) -> float:
+        """Time of the newest sample of any stream, s; -inf before the first."""
+        with self._lock:
+            return max((float(blocks[-1].t[-1]) for blocks in self._samples.values() if blocks), default=-np.inf)
+
+    def past(self, start: float, stop: float = np.inf) -> Trajectory:
+        """The trajectory that was shown between two instants."""
+        with self._lock:
+            pieces = [p for p in self._poses if len(p) and p.t[-1] >= start and p.t[0] < stop]
+        return trajectory.join(pieces, self.hand).between(start, stop)
+
+    def drain(self) -> None:
+        """Give out what the method still holds back: nothing more will come."""
+        with self._lock:
+            if self._state is not None:
+                self._take(_joined(self._queue))
+                self._queue.clear()
+                self._state, rest = self.method.finish(self.params, self._state)
+                if len(rest):
+                    self._poses.append(rest)
+        if self._state is not None and len(rest):
+            self._on_pose(rest)
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._queue or self._stop)
+                if self._stop:
+                    return
+                blocks = _joined(self._queue)
+                self._queue.clear()
+            with self._lock:
+                newest = self._take(blocks)
+            if newest is not None:
+                self._on_pose(newest)
+
+    def _take(self, blocks: list[Block]) -> Trajectory | None:
+        """Remember and step; a method that fails is started again from its calibration."""
+        for block in blocks:
+            self._remember(block)
+        if self._state is None:
+            return None
+        try:
+            return self._step(blocks)
+        except Exception:  # any failure of a method must leave the station alive: it is counted, shown and started again
+            log.exception("the method failed and is started again")
+            self.failures += 1
+            assert self.calibration is not None
+            self._state = self.method.start(self.params, self.calibration, self._streams())
+            return None
+
+    def _step(self, blocks: list[Block]) -> Trajectory | None:
+        pieces = []
+        for block in blocks:
+            self._state, piece = self.method.step(self.params, self._state, block)
+            pieces.append(piece)
+        self._state, late = self.method.release(self.params, self._state, PATIENCE)
+        pieces = [p for p in (*pieces, late) if len(p)]
+        if not pieces:
+            return None
+        rows = trajectory.join(pieces, self.hand)
+        self._poses.append(rows)
+        while self._poses and self._poses[0].t[-1] < rows.t[-1] - PAST_POSES:
+            self._poses.popleft()
+        return rows
+
+    def _begin(self, calibration: Calibration) -> None:
+        self.calibration = calibration
+        self._state = self.method.start(self.params, calibration, self._streams())
+        past = sorted((b for blocks in self._samples.values() for b in blocks), key=lambda b: b.t[-1])
+        later = [b.between(calibration.t, np.inf) for b in past]
+        if any(len(b.t) for b in later):
+            self._poses.clear()
+            self._step([b for b in later if len(b.t)])
+
+    def _streams(self) -> tuple[Any, ...]:
+        return tuple(blocks[-1].stream for blocks in self._samples.values() if blocks)
+
+    def _remember(self, block: Block) -> None:
+        kept = self._samples.setdefault(block.stream.name, deque())
+        if kept and kept[-1].stream != block.stream:
+            kept.clear()
+        kept.append(block)
+        while kept[0].t[-1] < block.t[-1] - PAST_SAMPLES:
+            kept.popleft()
+
+
+def _joined(blocks: "deque[Block]") -> list[Block]:
+    """Consecutive blocks of the same stream as one."""
+    by_stream: dict[Any, list[Block]] = {}
+    for block in blocks:
+        by_stream.setdefault((block.stream.name, block.stream.rate), []).append(block)
+    return [join(parts) for parts in by_stream.values()]
+
+
+def _latest(blocks: "deque[Block]", seconds: float) -> Block | None:
+    if not blocks or not blocks[-1].stream.inertial:
+        return None
+    newest = blocks[-1].t[-1]
+    recent = []
+    for block in reversed(blocks):
+        recent.append(block)
+        if block.t[0] < newest - seconds:
+            break
+    return join(recent[::-1]).between(newest - seconds, np.inf)
+
+
+def _motions(block: Block) -> dict[str, Motion]:
+    gyr, acc = block.of(GYR), block.of(ACC)
+    whole = np.asarray(np.isfinite(np.concatenate([gyr, acc], axis=2)).all(axis=2))
+    found = {}
+    for k, segment in enumerate(block.stream.sensors):
+        if whole[:, k].any():
+            rates = gyr[whole[:, k], k]
+            spread = float(np.sqrt(((rates - rates.mean(axis=0)) ** 2).sum(axis=1).mean()))
+            found[segment] = Motion(spread, float(block.t[np.flatnonzero(whole[:, k])[-1]]))
+    return found
+
+
+def require_method(methods: Mapping[str, ModuleType], name: str) -> ModuleType:
+    """The method of that name; InputError names those there are."""
+    if name not in methods:
+        raise InputError(f"there is no method {name!r}; methods are {', '.join(methods)}")
+    return methods[name]

@@ -1,0 +1,227 @@
+"""The wizard that leads a session: a state machine without a GUI, clock or device. Pages only draw it.
+
+Everything about states is the table below: `TRANSITIONS[state][event]` is the next state; what is not there is refused.
+Facts about glove and patient come in with every tick; what the station has to do comes out as orders.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from app.protocols import Protocol
+
+STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
+
+
+class State(StrEnum):
+    CONNECT = "connect"
+    POSE_READY = "pose_ready"
+    POSE_HOLD = "pose_hold"
+    POSE_REVIEW = "pose_review"
+    TASKS = "tasks"
+    TASK_READY = "task_ready"
+    COUNTDOWN = "countdown"
+    TASK_RUN = "task_run"
+    TASK_REVIEW = "task_review"
+    FINISHED = "finished"
+
+
+class Act(StrEnum):
+    """What a person can do (or a tick find out)."""
+
+    CONTINUE = "continue"
+    START = "start"
+    STOP = "stop"
+    ACCEPT = "accept"
+    REDO = "redo"
+    SKIP = "skip"
+    CHOOSE = "choose"
+    RECALIBRATE = "recalibrate"
+    FINISH = "finish"
+    HELD = "held"  # the pose was still long enough
+    STARTED = "started"  # the countdown is over
+    ENDED = "ended"  # the task's time is over
+
+
+S, A = State, Act
+TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
+    S.CONNECT: {A.CONTINUE: S.POSE_READY},
+    S.POSE_READY: {A.START: S.POSE_HOLD, A.FINISH: S.FINISHED},
+    S.POSE_HOLD: {A.HELD: S.POSE_REVIEW, A.STOP: S.POSE_READY},
+    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY},
+    S.TASKS: {A.CHOOSE: S.TASK_READY, A.RECALIBRATE: S.POSE_READY, A.FINISH: S.FINISHED},
+    S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.STOP: S.TASKS},
+    S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
+    S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW},
+    S.TASK_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS},
+    S.FINISHED: {},
+}
+BY_PERSON = {A.CONTINUE, A.START, A.STOP, A.ACCEPT, A.REDO, A.SKIP, A.CHOOSE, A.RECALIBRATE, A.FINISH}
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the station knows at a tick."""
+
+    now: float  # s, host's clock
+    t: float  # s, the recording's newest sample
+    flowing: bool  # samples are arriving
+    wander: float  # rad/s, of the sensor that moves most
+    restless: str  # its segment
+    measured: frozenset[str]  # segments with samples
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A stretch of the recording in which a task was done, or why it was not."""
+
+    task: str
+    onset: float  # s in the recording; NaN for a skipped task
+    end: float
+    outcome: str  # accepted, redone, skipped
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Wizard:
+    """Everything that a page needs to draw where the session stands."""
+
+    protocols: tuple[Protocol, ...]
+    pose_duration: float
+    state: State = State.CONNECT
+    since: float = 0.0  # host's clock when the state began
+    task: str | None = None
+    onset: float = 0.0  # recording time at which the pose or task began
+    end: float = 0.0
+    still_since: float | None = None  # recording time
+    attempts: tuple[Attempt, ...] = ()
+    message: str = ""  # the last thing that went wrong, for the person
+
+    @property
+    def protocol(self) -> Protocol | None:
+        return next((p for p in self.protocols if p.name == self.task), None)
+
+    def allowed(self, facts: Facts) -> list[Act]:
+        """What a person can do now, in the order of the table."""
+        acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
+        return [a for a in acts if not (a is Act.CONTINUE and not ready(facts))]
+
+    def offered(self, facts: Facts) -> list[Protocol]:
+        """Tasks that can be done with what is measured."""
+        return [p for p in self.protocols if set(p.needs) <= facts.measured]
+
+    def outcome(self, task: str) -> str:
+        """The newest outcome of a task, empty before it was tried."""
+        return next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome != "redone"), "")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the station has to do after a step: calibrate, cue, keep_attempt, drop_pose, finish."""
+
+    kind: str
+    task: str = ""
+    onset: float = 0.0
+    end: float = 0.0
+    reason: str = ""
+
+
+class NotNowError(Exception):
+    """A person asked for something that this state does not offer."""
+
+
+def ready(facts: Facts) -> bool:
+    """Samples flow and the hand's sensor is among them."""
+    return facts.flowing and "hand" in facts.measured
+
+
+def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "") -> tuple[Wizard, Sequence[Order]]:
+    """A person's wish; NotNowError where the state does not offer it."""
+    if what not in wizard.allowed(facts):
+        raise NotNowError(f"{what} is not possible now ({wizard.state})")
+    if what is Act.CHOOSE and task not in {p.name for p in wizard.offered(facts)}:
+        raise NotNowError(f"there is no task {task!r} to choose")
+    if what is Act.CHOOSE:
+        wizard = replace(wizard, task=task)
+    return _enter(wizard, what, facts, reason)
+
+
+def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
+    """Time passed: pose held long enough, countdown over, task over."""
+    if wizard.state is State.POSE_HOLD:
+        return _hold(wizard, facts)
+    protocol = wizard.protocol
+    if wizard.state is State.COUNTDOWN and protocol and facts.now - wizard.since >= protocol.countdown:
+        return _enter(wizard, Act.STARTED, facts)
+    if wizard.state is State.TASK_RUN and protocol and protocol.duration and facts.t - wizard.onset >= protocol.duration:
+        return _enter(wizard, Act.ENDED, facts)
+    return wizard, ()
+
+
+def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
+    """The pose just held cannot be used: back to the pose with the reason."""
+    return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message)
+
+
+def progress(wizard: Wizard, facts: Facts) -> float:
+    """Share of the pose or task done, 0 to 1."""
+    if wizard.state is State.POSE_HOLD:
+        return 0.0 if wizard.still_since is None else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
+    if wizard.state is State.TASK_RUN and wizard.protocol and wizard.protocol.duration:
+        return min(1.0, (facts.t - wizard.onset) / wizard.protocol.duration)
+    return 0.0
+
+
+def remaining(wizard: Wizard, facts: Facts) -> float | None:
+    """Seconds left of the countdown or the task; None where nothing is timed."""
+    protocol = wizard.protocol
+    if wizard.state is State.COUNTDOWN and protocol:
+        return max(0.0, protocol.countdown - (facts.now - wizard.since))
+    if wizard.state is State.TASK_RUN and protocol and protocol.duration:
+        return max(0.0, protocol.duration - (facts.t - wizard.onset))
+    return None
+
+
+def _hold(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
+    """Count how long every sensor has been still; movement starts the count again."""
+    if facts.wander > STILL_RATE or not facts.flowing:
+        return replace(wizard, still_since=None), ()
+    since = facts.t if wizard.still_since is None else wizard.still_since
+    wizard = replace(wizard, still_since=since)
+    if facts.t - since < wizard.pose_duration + 0.1:
+        return wizard, ()
+    held = replace(wizard, onset=since, end=facts.t)
+    return _enter(held, Act.HELD, facts)
+
+
+def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[Wizard, Sequence[Order]]:
+    """Follow the table and say what is to be done."""
+    before, after = wizard.state, TRANSITIONS[wizard.state][what]
+    orders: list[Order] = []
+    if after is State.POSE_READY:
+        orders.append(Order("cue", "initial_pose"))
+    elif after is State.POSE_REVIEW:
+        orders.append(Order("calibrate", onset=wizard.onset, end=wizard.end))
+    elif after is State.COUNTDOWN and wizard.task:
+        orders.append(Order("cue", wizard.task))
+    elif after is State.TASK_RUN:
+        wizard = replace(wizard, onset=facts.t)
+    elif after is State.TASK_REVIEW:
+        wizard = replace(wizard, end=facts.t)
+        orders.append(Order("cue", "rest"))
+    elif after is State.FINISHED:
+        orders.append(Order("finish"))
+    if before is State.POSE_REVIEW and what is Act.REDO:
+        orders.append(Order("drop_pose"))
+    if before is State.TASK_REVIEW or (before is State.TASK_READY and what is Act.SKIP):
+        wizard, order = _attempted(wizard, what, before, reason)
+        orders.append(order)
+    return replace(wizard, state=after, since=facts.now, still_since=None, message=""), orders
+
+
+def _attempted(wizard: Wizard, what: Act, before: State, reason: str) -> tuple[Wizard, Order]:
+    outcome = {Act.ACCEPT: "accepted", Act.REDO: "redone", Act.SKIP: "skipped"}[what]
+    done = before is State.TASK_REVIEW
+    attempt = Attempt(wizard.task or "", wizard.onset if done else float("nan"), wizard.end if done else float("nan"), outcome, reason)
+    kept = replace(wizard, attempts=(*wizard.attempts, attempt))
+    return kept, Order("keep_attempt", attempt.task, attempt.onset, attempt.end, f"{outcome}{': ' + reason if reason else ''}")

@@ -1,0 +1,98 @@
+"""The live tracker: the same numbers as in batch, never in the way of what feeds it, alive after a method fails."""
+
+from itertools import pairwise
+from types import ModuleType, SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from app.live.tracking import QUEUE, Tracking
+from estimators import initial_pose, trajectory
+from estimators.errors import InputError
+from estimators.methods import m2
+from estimators.samples import Block
+from estimators.trajectory import Trajectory
+from tests.app.devices.virtual import wait_for
+from tests.simulated import in_strips, tracked
+
+PARAMS = m2.Params()
+
+
+def pieces(samples: dict[str, Block], length: float = 0.02) -> list[list[Block]]:
+    """What arrives one after the other: all strips' samples of 20 ms."""
+    end = max(b.t[-1] for b in samples.values())
+    edges = np.arange(0.0, end + 2 * length, length)
+    cut = [[b.between(start, stop) for b in samples.values()] for start, stop in pairwise(edges)]
+    return [full for blocks in cut if (full := [b for b in blocks if len(b.t)])]
+
+
+def live(method: ModuleType = m2) -> tuple[Tracking, list[Trajectory]]:
+    recording = in_strips("left")
+    rows: list[Trajectory] = []
+    return Tracking(method, PARAMS, "left", recording.geometry, rows.append), rows
+
+
+def play(tracking: Tracking, samples: dict[str, Block], pose: initial_pose.Pose) -> None:
+    """Feed everything in order, no faster than it is taken; calibrate as soon as the pose is over."""
+    for k, blocks in enumerate(pieces(samples)):
+        tracking.feed(blocks)
+        newest = max(float(b.t[-1]) for b in blocks)
+        if k % 20 == 0:
+            wait_for(lambda newest=newest: tracking.newest_sample() >= newest)
+        if tracking.calibration is None and newest > pose.end + 0.5:
+            wait_for(lambda newest=newest: tracking.newest_sample() >= newest)
+            tracking.calibrate(pose)
+    wait_for(lambda: tracking.newest_sample() >= max(float(b.t[-1]) for b in samples.values()))
+
+
+def test_what_was_shown_live_is_bit_for_bit_what_a_batch_run_gives() -> None:
+    recording = in_strips("left")
+    tracking, _ = live()
+    with tracking:
+        play(tracking, dict(recording.samples), initial_pose.pose_of(recording.events[0]))
+        tracking.drain()
+        shown = tracking.past(0.0)
+    assert tracking.skipped == 0
+    batch = tracked(recording).between(float(shown.t[0]), np.inf)
+    assert len(shown) > 900
+    for name in ("t", "angles", "q_GS", "tips", "flags"):
+        np.testing.assert_array_equal(getattr(shown, name), getattr(batch, name), err_msg=name)
+
+
+def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
+    tracking, _ = live()  # not entered: nothing takes the blocks out
+    block = next(iter(in_strips("left").samples.values())).between(0.0, 0.02)
+    tracking.feed([block] * (QUEUE + 7))
+    assert tracking.skipped == 7
+
+
+def test_a_method_that_fails_is_started_again() -> None:
+    failing = {"left": 1}
+
+    def step(params: Any, state: Any, block: Block) -> Any:
+        if failing["left"] and block.t[0] > 8.0:
+            failing["left"] -= 1
+            raise RuntimeError("singular")
+        return m2.step(params, state, block)
+
+    broken = cast(ModuleType, SimpleNamespace(start=m2.start, step=step, release=m2.release, finish=m2.finish))
+    recording = in_strips("left")
+    tracking, rows = live(broken)
+    pose = initial_pose.pose_of(recording.events[0])
+    with tracking:
+        play(tracking, dict(recording.samples), pose)
+        wait_for(lambda: rows and rows[-1].t[-1] > 12.0)
+    assert tracking.failures == 1
+    assert np.isfinite(trajectory.join(rows[-5:], "left").tips).all()
+
+
+def test_a_pose_that_moved_is_refused_and_changes_nothing() -> None:
+    recording = in_strips("left")
+    tracking, _ = live()
+    with tracking:
+        tracking.feed([b.between(7.0, 13.0) for b in recording.samples.values()])
+        wait_for(lambda: tracking.newest_sample() >= 12.9)
+        with pytest.raises(InputError, match="was not still"):
+            tracking.calibrate(initial_pose.Pose(8.0, 3.5))
+    assert tracking.calibration is None
