@@ -1,0 +1,75 @@
+"""The whole hand: palm, cuff, five fingers and five nails as skinned meshes for a sized hand, left or right."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.scene import bones, finger_mesh
+from app.scene.cuff_mesh import cuff
+from app.scene.nail_mesh import nail
+from app.scene.palm_mesh import palm
+from app.scene.palm_shape import Root, palm_shape
+from app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated, merged, mirrored
+from estimators.hand_anatomy import CHAINS, FINGERS
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+_GHOST_OVER = 0.8e-3  # m, the ghost lies this far over the hand, so that the two do not flicker where they agree
+_FIRST_JOINT = 6e-3  # m, where a finger drawn from its first joint begins
+
+
+@dataclass(frozen=True)
+class HandMesh:
+    """Closed surfaces in the hand's own frame from the wrist's centre, bound in the pose bones.BOUND."""
+
+    palm: SkinnedMesh
+    cuff: SkinnedMesh
+    fingers: Mapping[str, SkinnedMesh]
+    nails: Mapping[str, SkinnedMesh]
+    whole_fingers: Mapping[str, SkinnedMesh]  # the fingers from their first joint, which lies in the palm
+    rest: Array  # (bones, 3) m, where the bones' joints are while bound
+
+    def parts(self) -> dict[str, SkinnedMesh]:
+        """All meshes by name: fingers and nails before the palm, the order in which translucent parts look right."""
+        return {**self.fingers, **{f"{finger}_nail": nail for finger, nail in self.nails.items()}, "palm": self.palm, "cuff": self.cuff}
+
+    def ghost(self, whole: bool) -> dict[str, SkinnedMesh]:
+        """What a second, translucent hand needs to lie over the first: its fingers from their first joint, or all of it."""
+        without_forearm = cut_out(self.palm, 0.3 - carried_by(self.palm, "forearm"))
+        parts = {"hand": merged([*map(_opened, self.fingers.values()), without_forearm])} if whole else self.whole_fingers
+        return {name: inflated(mesh, _GHOST_OVER) for name, mesh in parts.items()}
+
+
+def hand_mesh(geometry: HandGeometry) -> HandMesh:
+    """Build the hand; the right hand is the left one mirrored."""
+    shape = palm_shape(geometry)
+    side = _same if geometry.hand == "left" else mirrored
+    return HandMesh(
+        side(palm(shape)),
+        side(cuff(shape)),
+        {finger: side(_finger(finger, shape.roots[finger])) for finger in FINGERS},
+        {finger: side(_nail(finger, shape.roots[finger])) for finger in FINGERS},
+        {finger: side(_finger(finger, shape.roots[finger], _FIRST_JOINT)) for finger in FINGERS},
+        bones.rest(geometry),
+    )
+
+
+def _opened(finger: SkinnedMesh) -> SkinnedMesh:
+    """A finger without its base, which lies in the palm and would show through."""
+    base = np.isin(finger.faces, [*range(finger_mesh.AROUND), len(finger.vertices) - 2]).any(axis=1)
+    return replace(finger, faces=finger.faces[~base])
+
+
+def _same(mesh: SkinnedMesh) -> SkinnedMesh:
+    return mesh
+
+
+def _finger(finger: str, root: Root, start: float | None = None) -> SkinnedMesh:
+    vertices, faces, weights = finger_mesh.tube(root.shape, finger_mesh.leaves_palm(finger, root.shape) if start is None else start)
+    return SkinnedMesh(root.on_hand(vertices), faces, weights, finger_mesh.finger_bones(finger))
+
+
+def _nail(finger: str, root: Root) -> SkinnedMesh:
+    vertices, faces = nail(root.shape)
+    return SkinnedMesh(root.on_hand(vertices), faces, np.ones((len(vertices), 1)), (CHAINS[finger][2],))

@@ -1,0 +1,159 @@
+"""A hand in the browser: the patient's hand as it moves, a ghost hand that shows the pose to take, one segment lit, one sentence.
+
+One HandScene owns one viser server and belongs to one station. Every method may be called at any rate and from any thread; what was drawn last
+is what viewers see (at about 57 Hz, or at once after `flush`), and a viewer who comes later sees the same.
+"""
+
+import threading
+from collections.abc import Callable, Iterable
+from types import TracebackType
+
+import numpy as np
+from viser import ClientHandle
+
+from app.scene import bones, palette, postures, stage, view
+from app.scene.drawn_hand import DrawnHand
+from app.scene.guarded_server import make_server, quiet, renumber
+from app.scene.hand_mesh import hand_mesh
+from app.scene.highlight_mesh import highlight_parts
+from app.scene.palette import Paint
+from app.scene.skinned_mesh import SkinnedMesh
+from estimators import quaternions as quat
+from estimators.hand_anatomy import FINGERS, JOINT, SEGMENT, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+_LIT = "lit_"
+_BENT_WRIST = np.radians(2.0)
+_CAPTION_AT = (0.0, 1.85, 0.55)  # above and beyond the hand
+
+
+class HandScene:
+    """A context manager: `port` and `secret` are what bridge.bridge needs."""
+
+    def __init__(self, hand: Hand, geometry: HandGeometry) -> None:
+        assert geometry.hand == hand
+        self._hand, self._geometry, self._mesh = hand, geometry, hand_mesh(geometry)
+        self._lock = threading.Lock()
+        self._q_DG: Array | None = None  # set by the first orientation shown
+        self._q_DH = view.palm_down(hand)
+        self._measured = frozenset(FINGERS)
+        self._ghost_is_whole = False
+        self._server, self.secret = make_server()
+        self.port: int = self._server.get_port()
+        with self._server.atomic():
+            stage.set_up(self._server)
+            scale = view.units_per_metre(geometry)
+            self._own = DrawnHand(self._server, "/hand", self._mesh.parts(), self._mesh.rest, scale)
+            self._ghost = DrawnHand(self._server, "/ghost", {}, self._mesh.rest, scale)
+            self._paint()
+            self._caption = self._server.scene.add_label(
+                "/caption", "", position=_CAPTION_AT, visible=False, font_screen_scale=1.7, anchor="bottom-center"
+            )
+            self._draw(self._own, postures.relaxed())
+            self._own.turn(self._q_DH)
+        self._server.on_client_disconnect(self._renumber)
+
+    def __enter__(self) -> "HandScene":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop the server; viewers are disconnected."""
+        with quiet():
+            self._server.stop()
+
+    def show(self, angles: Array, q_GH: Array | None) -> None:
+        """Draw the hand with joint angles (joints, 3) rad, turned as the hand's segment q_GH (4,) is in the global frame.
+
+        Angles that are not known (NaN) are the resting hand's; an orientation that is not known keeps the one before (at first: palm down).
+        """
+        pose = bones.pose(postures.filled(angles), self._geometry)  # before the lock: nothing is sent to anybody while it is held
+        with self._lock, self._server.atomic():
+            self._own.bend(*pose)
+            if q_GH is not None and not np.isnan(q_GH).any():
+                if self._q_DG is None:
+                    self._q_DG = view.heading_removed(q_GH, self._hand)
+                self._q_DH = quat.multiply(self._q_DG, q_GH)
+                self._own.turn(self._q_DH)
+                if not self._ghost_is_whole:
+                    self._ghost.turn(self._q_DH)
+
+    def face_ahead(self) -> None:
+        """Let the fingers of the next hand shown point away from the viewer: call it when a calibration sets a new heading."""
+        with self._lock:
+            self._q_DG = None
+
+    def measured(self, fingers: Iterable[str]) -> None:
+        """Draw these fingers solid and the others pale."""
+        with self._lock, self._server.atomic():
+            if self._measured != (wanted := frozenset(fingers)):
+                self._measured = wanted
+                self._paint()
+
+    def ghost(self, angles: Array | None, whole: bool = False) -> None:
+        """Show the pose to take, joint angles (joints, 3) rad, as translucent fingers on the patient's palm; None takes them away.
+
+        With `whole`, and once the pose bends the wrist, the ghost is a hand of its own with a level forearm.
+        """
+        with self._lock, self._server.atomic():
+            bent = angles is not None and bool(np.any(np.abs(angles[JOINT["wrist"]]) > _BENT_WRIST))
+            self._ghost_is_whole = angles is not None and (whole or bent or self._ghost_is_whole)
+            shown = () if angles is None else self._ghost_parts()
+            for part in self._ghost.parts():
+                self._ghost.show(part, part in shown)
+            if angles is not None:
+                self._draw(self._ghost, angles)
+                self._ghost.turn(view.forearm_level(postures.filled(angles), self._hand) if self._ghost_is_whole else self._q_DH)
+
+    def highlight(self, segment: str | None) -> None:
+        """Light the skin of one segment of hand_anatomy.SEGMENTS, or none."""
+        assert segment is None or segment in SEGMENT
+        with self._lock, self._server.atomic():
+            shown = () if segment is None else self._lit_parts(segment)
+            for part in self._own.parts():
+                if part.startswith(_LIT):
+                    self._own.show(part, part in shown)
+
+    def caption(self, text: str) -> None:
+        """Write a short instruction above the hand; an empty text takes it away."""
+        with self._lock, self._server.atomic():
+            self._caption.visible = bool(text)
+            if text and text != self._caption.text:
+                self._caption.text = text
+
+    def flush(self) -> None:
+        """Send what is drawn now rather than with the next picture."""
+        self._server.flush()
+
+    async def _renumber(self, _: ClientHandle) -> None:
+        renumber(self._server)
+
+    def _draw(self, drawn: DrawnHand, angles: Array) -> None:
+        drawn.bend(*bones.pose(postures.filled(angles), self._geometry))
+
+    def _paint(self) -> None:
+        for finger in FINGERS:
+            known = finger in self._measured
+            self._own.paint(finger, palette.SKIN if known else palette.UNMEASURED)
+            self._own.paint(f"{finger}_nail", palette.NAIL if known else palette.UNMEASURED)
+        self._own.paint("palm", palette.SKIN)
+        self._own.paint("cuff", palette.CUFF)
+
+    def _ghost_parts(self) -> tuple[str, ...]:
+        """Names of the ghost's meshes of the kind wanted; they are sent to viewers when they are first needed."""
+        kind = "whole_" if self._ghost_is_whole else "finger_"
+        return self._made(self._ghost, kind, lambda: self._mesh.ghost(self._ghost_is_whole), palette.GHOST)
+
+    def _lit_parts(self, segment: str) -> tuple[str, ...]:
+        return self._made(self._own, f"{_LIT}{segment}_", lambda: highlight_parts(self._mesh, segment), palette.HIGHLIGHT)
+
+    def _made(self, drawn: DrawnHand, prefix: str, meshes: Callable[[], dict[str, SkinnedMesh]], paint: Paint) -> tuple[str, ...]:
+        """Names of the parts whose names begin with `prefix`, made and painted unless they are there."""
+        if not any(part.startswith(prefix) for part in drawn.parts()):
+            for name, mesh in meshes().items():
+                drawn.add(prefix + name, mesh)
+                drawn.paint(prefix + name, paint)
+        return tuple(part for part in drawn.parts() if part.startswith(prefix))

@@ -1,0 +1,28 @@
+"""Colours of the scene, sRGB 0-255; ghost, highlight and unmeasured parts differ in lightness, so that they stay apart for every colour vision.
+
+Source  accents from Okabe & Ito 2008, Color Universal Design
+"""
+
+from dataclasses import dataclass
+
+Colour = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Paint:
+    """What a part of the hand looks like; no opacity means solid."""
+
+    colour: Colour
+    opacity: float | None = None
+    shaded: bool = True  # casts and takes shadows; thin plates would shade themselves in spots
+
+
+SKIN = Paint((222, 164, 132))
+NAIL = Paint((238, 192, 174), shaded=False)
+CUFF = Paint((84, 96, 110))
+UNMEASURED = Paint((158, 166, 176), 0.42)
+GHOST = Paint((0, 114, 178), 0.34)
+HIGHLIGHT = Paint((0, 92, 175))
+INK: Colour = (40, 48, 58)
+GROUND: Colour = (206, 212, 218)
+GROUND_SECTION: Colour = (184, 192, 200)

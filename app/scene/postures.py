@@ -1,0 +1,42 @@
+"""Postures to draw: what stands in for angles that are not measured, and smooth ways from one posture to the next for the ghost hand.
+
+In/Out  joint angles (joints, 3) rad of hand_anatomy.JOINTS
+Source  minimum jerk: Flash & Hogan 1985, J Neurosci 5:1688
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimators.hand_anatomy import JOINTS
+from estimators.quaternions import Array
+from estimators.simulation import tasks
+
+
+def angles_of(posture: Array) -> Array:
+    """Joint angles (joints, 3) of a posture (54,) of estimators.simulation.motion."""
+    angles: Array = posture[6:].reshape(len(JOINTS), 3)
+    return angles
+
+
+def relaxed() -> Array:
+    """The resting hand."""
+    return angles_of(tasks.relaxed())
+
+
+def filled(angles: Array) -> Array:
+    """The same angles, the resting hand's where they are not known (NaN)."""
+    return np.where(np.isnan(angles), relaxed(), angles)
+
+
+def between(start: Array, stop: Array, share: float) -> Array:
+    """The posture on the way from `start` (share 0) to `stop` (share 1) in a movement of minimum jerk."""
+    s = min(max(share, 0.0), 1.0)
+    return start + (stop - start) * (s**3 * (10 - 15 * s + 6 * s**2))
+
+
+def along(postures: Sequence[Array], t: float, move: float = 1.0, hold: float = 0.8) -> Array:
+    """A ghost that shows what to do: at time t (s) of an endless round through `postures`, each held `hold` s, `move` s to the next."""
+    leg, within = divmod(t, move + hold)
+    k = int(leg) % len(postures)
+    return between(postures[k], postures[(k + 1) % len(postures)], (within - hold) / move)

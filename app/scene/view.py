@@ -1,0 +1,58 @@
+"""From which side the hand is seen: the frame in which it is drawn, and the camera.
+
+The scene's frame D has z up, y away from the viewer and x to the right. The hand hangs with its wrist at the origin and is turned as it really is,
+except that the global heading, which is arbitrary, is replaced: as measured at one moment, the fingers pointed away from the viewer.
+"""
+
+import numpy as np
+
+from estimators import joint_angles
+from estimators import quaternions as quat
+from estimators.hand_anatomy import JOINT, Hand, side_sign
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+PALM = 0.834  # every hand is drawn with a palm this long, an adult's in decimetres: a child's hand fills the view alike
+CAMERA = np.array([0.0, -3.15, 4.55])
+LOOK_AT = np.array([0.0, 0.46, 0.30])
+FIELD_OF_VIEW = np.radians(28.0)
+NARROW = 0.23  # tangent of half the horizontal field of view that a spread hand needs
+NEAR, FAR = 0.2, 20.0
+GROUND = -1.35
+_UPRIGHT = 0.35  # fingers that point up or down give no heading: horizontal part of their direction below which the hand's back gives it
+
+
+def units_per_metre(geometry: HandGeometry) -> float:
+    """How large the hand is drawn: every hand fills the view alike."""
+    return PALM / geometry.palm_length
+
+
+def field_of_view(aspect: float) -> float:
+    """The vertical field of view, rad, in which the hand fits a window `aspect` times as wide as high."""
+    return float(max(FIELD_OF_VIEW, 2 * np.arctan(NARROW / max(aspect, 0.1))))
+
+
+def palm_down(hand: Hand) -> Array:
+    """Orientation (4,) of a hand with the palm down and the fingers along y, seen in D or, with that heading, in G."""
+    sign = side_sign(hand)
+    return quat.from_matrix(np.array([[0.0, 0.0, -1.0], [0.0, sign, 0.0], [sign, 0.0, 0.0]]))
+
+
+def forearm_level(angles: Array, hand: Hand) -> Array:
+    """Orientation q_DH (4,) of a hand with joint angles (joints, 3) whose forearm lies level, palm down, and points away from the viewer."""
+    return quat.multiply(palm_down(hand), joint_angles.compose(angles[JOINT["wrist"]]))
+
+
+def heading_removed(q_GH: Array, hand: Hand) -> Array:
+    """The rotation q_DG (4,) about the vertical that makes the fingers of a hand q_GH (4,) point away from the viewer."""
+    ahead = _ahead(q_GH, hand)
+    return quat.about(2, np.arctan2(ahead[0], ahead[1]))
+
+
+def _ahead(q_GH: Array, hand: Hand) -> Array:
+    """The horizontal direction (3,) in which a person with this hand looks: along the fingers, or for upright fingers by the hand's back."""
+    sign = side_sign(hand)
+    distal, dorsal = quat.rotate(q_GH, np.array([0.0, sign, 0.0])), quat.rotate(q_GH, np.array([sign, 0.0, 0.0]))
+    if np.hypot(distal[0], distal[1]) > _UPRIGHT:
+        return distal
+    return -dorsal if distal[2] > 0 else dorsal

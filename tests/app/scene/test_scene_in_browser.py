@@ -1,0 +1,230 @@
+"""The scene in a real browser, at the sizes of a clinic's screens: what is drawn, in which colours, after what happened."""
+
+import io
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from app.scene import postures, view
+from app.scene.hand_scene import HandScene
+from estimators import quaternions as quat
+from estimators.hand_anatomy import FINGERS, JOINT
+from estimators.simulation import tasks
+from tests.app.scene.small_site import COOKIE, Site, eventually, site
+from tests.browser import chromium
+
+pytestmark = pytest.mark.browser
+SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
+QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
+Mask = NDArray[np.bool_]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as tool:
+        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield one
+        one.close()
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, served: Site) -> Iterator[Page]:
+    """One page on the left hand's scene for all tests that need no page of their own."""
+    one = opened(browser, served)
+    yield one
+    one.context.close()
+
+
+@pytest.fixture(autouse=True)
+def plain(scene: HandScene, right_scene: HandScene) -> None:
+    """Every test begins with a resting hand, all of it measured, nothing else shown."""
+    for each in (scene, right_scene):
+        each.face_ahead()
+        each.measured(FINGERS)
+        each.ghost(None)
+        each.highlight(None)
+        each.caption("")
+        each.show(postures.relaxed(), view.palm_down(each._hand))
+
+
+def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK) -> Page:
+    """The page of a scene, logged in, when the hand has come."""
+    width, height = size
+    context = browser.new_context(viewport={"width": width, "height": height})
+    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
+    page = context.new_page()
+    page.goto(served.address)
+    page.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=60_000)
+    return page
+
+
+class Picture:
+    """A screenshot, and where in it what is seen."""
+
+    def __init__(self, png: bytes) -> None:
+        self.png = png
+        self.rgb = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+        r, g, b = np.moveaxis(self.rgb, -1, 0)
+        self.skin: Mask = (r > g + 12) & (g > b + 8) & (r > 110)
+        self.ghost: Mask = (b > r + 35) & (b > 205) & (g > r + 20)
+        self.lit: Mask = (b > r + 90) & (r < 90) & (b > 110)
+        self.cuff: Mask = (b > r + 12) & (b < 175) & (r > 40) & ~self.lit
+
+    def share(self, mask: Mask) -> float:
+        return float(mask.mean())
+
+
+def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
+    """Look until what is drawn is as wanted."""
+    picture = [Picture(page.screenshot())]
+
+    def looked() -> bool:
+        picture.append(Picture(page.screenshot()))
+        return bool(condition(picture[-1]))
+
+    try:
+        eventually(looked, within=90)
+    finally:
+        if keep is not None:
+            keep.write_bytes(picture[-1].png)
+    return picture[-1]
+
+
+def hand_like(picture: Picture) -> bool:
+    """Enough skin, most of it in the middle, the cuff below it, nothing of it at the border."""
+    height, width = picture.skin.shape
+    rows, columns = np.nonzero(picture.skin)
+    if not 0.015 < picture.share(picture.skin) < 0.35 or picture.share(picture.cuff) < 0.002:
+        return False
+    central = (abs(columns - width / 2) < 0.42 * min(width, height)).mean()
+    border = picture.skin[[0, -1]].any() or picture.skin[:, [0, -1]].any()
+    return bool(central > 0.97 and not border and np.median(np.nonzero(picture.cuff)[0]) > np.median(rows))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_hand_is_drawn_in_the_middle_at_every_size(browser: Browser, scene: HandScene, served: Site, size: str, tmp_path: Path) -> None:
+    page = opened(browser, served, SIZES[size])
+    resting = seen(page, hand_like, tmp_path / f"resting-{size}.png")
+    scene.show(postures.angles_of(tasks.spread()), None)
+    spread = seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / f"spread-{size}.png")
+    assert np.ptp(np.nonzero(spread.skin)[1]) > 1.2 * np.ptp(np.nonzero(resting.skin)[1])
+    page.context.close()
+
+
+def test_left_and_right_are_told_apart(browser: Browser, scene: HandScene, right_scene: HandScene, served: Site, tmp_path: Path) -> None:
+    sides = {}
+    with site(right_scene) as other:
+        for name, each, where in (("left", scene, served), ("right", right_scene, other)):
+            each.show(postures.angles_of(tasks.flat()), None)
+            page = opened(browser, where)
+            flat = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
+            columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
+            sides[name] = columns.max() + columns.min()  # the thumb reaches out
+            page.context.close()
+    assert sides["left"] > 25 and sides["right"] < -25  # palm down, a left hand's thumb is on the right
+    assert sides["left"] == pytest.approx(-sides["right"], abs=5)
+
+
+def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
+    scene.ghost(postures.angles_of(tasks.flat()))
+    seen(page, lambda p: hand_like(p) and p.share(p.ghost) > 0.004, tmp_path / "ghost.png")
+    bent = postures.relaxed()
+    bent[JOINT["wrist"]] = [-0.7, 0, 0]
+    scene.ghost(bent)
+    seen(page, lambda p: p.share(p.ghost) > 0.004, tmp_path / "wrist.png")
+    scene.ghost(None)
+    seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
+
+
+def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    scene.show(postures.angles_of(tasks.flat()), None)
+    where = {}
+    for segment in ("index_middle", "little_middle", "thumb_distal"):
+        scene.highlight(segment)
+        lit = seen(page, lambda p: hand_like(p) and 3e-4 < p.share(p.lit) < 0.01, tmp_path / f"{segment}.png")
+        where[segment] = np.median(np.nonzero(lit.lit)[1])
+        scene.highlight(None)
+        seen(page, lambda p: p.share(p.lit) < 2e-5)
+    assert where["little_middle"] < where["index_middle"] < where["thumb_distal"]
+
+
+def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    scene.show(postures.angles_of(tasks.flat()), None)
+    whole = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png")
+    scene.measured(["thumb"])
+    seen(page, lambda p: np.ptp(np.nonzero(p.skin)[0]) < 0.8 * np.ptp(np.nonzero(whole.skin)[0]), tmp_path / "pale.png")
+
+
+def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    level = view.palm_down("left")
+    scene.show(postures.angles_of(tasks.flat()), level)
+    flat = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105)
+    scene.show(postures.angles_of(tasks.flat()), quat.multiply(quat.about(1, np.pi), level))
+    thumb = np.nonzero(flat.skin)[1].max() - QUICK[0] / 2
+    seen(page, lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb, tmp_path / "palm-up.png")
+
+
+def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    ink = lambda p: (p.rgb.max(axis=-1) < 60)[: len(p.rgb) // 4]  # noqa: E731
+    seen(page, lambda p: hand_like(p) and ink(p).sum() == 0)
+    scene.caption("Move your index finger")
+    long = seen(page, lambda p: ink(p).sum() > 60, tmp_path / "caption.png")
+    scene.caption("Rest")
+    seen(page, lambda p: 8 < ink(p).sum() < 0.5 * ink(long).sum())
+    scene.caption("")
+    seen(page, lambda p: ink(p).sum() == 0)
+
+
+def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
+    browser: Browser, scene: HandScene, served: Site, tmp_path: Path
+) -> None:
+    """viser's own page goes blank: it falls over when it clears skinned meshes away."""
+    page = opened(browser, served)
+    failures: list[str] = []
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    resting = seen(page, hand_like)
+    before = len(served.sockets)
+    scene._server._websock_server.disconnect_all_clients()
+    eventually(lambda: len(served.sockets) > before)
+    scene.show(postures.angles_of(tasks.spread()), None)
+    seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
+    assert failures == []
+    page.context.close()
+
+
+def test_one_page_opens_one_socket_to_us_and_nothing_else(browser: Browser, scene: HandScene, served: Site) -> None:
+    context = browser.new_context(viewport={"width": QUICK[0], "height": QUICK[1]})
+    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
+    page, asked, before = context.new_page(), [], len(served.sockets)
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(served.address)
+    seen(page, hand_like)
+    assert served.sockets[before:] == [f"http://{served.host}"]
+    elsewhere = [url for url in asked if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
+    assert elsewhere == []
+    context.close()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_viser_shows_nothing_of_its_own(page: Page, size: str) -> None:
+    width, height = SIZES[size]
+    page.set_viewport_size({"width": width, "height": height})
+    assert page.title() == "Hand"
+    page.wait_for_function(
+        "() => document.querySelector('.mantine-Paper-root, [data-floating-window]') !== null"
+    )  # it is there, but hidden
+    assert page.locator("button:visible, input:visible, a:visible").count() == 0
+    assert page.locator("body").inner_text().strip() == ""
+    page.set_viewport_size(dict(zip(("width", "height"), QUICK)))  # type: ignore[arg-type]
+
+
+def test_who_is_not_logged_in_gets_no_page(browser: Browser, served: Site) -> None:
+    context = browser.new_context()
+    assert context.request.get(served.address).status == 401
+    context.close()
