@@ -1,0 +1,226 @@
+"""Everything a report says, gathered from the session's own values: pure, no file, clock or database.
+
+A page, a table or another language is a function of a Content; nothing downstream looks at the recording or the estimator again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import numpy as np
+
+from app.protocols import Protocol
+from estimators.calibration import SensorQuality
+from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
+from estimators.measures import MEASURES
+from estimators.measures.assessment import TaskResult
+from estimators.measures.figure import WORDS as FLAG_WORDS
+from estimators.measures.range_of_motion import Range
+from estimators.methods import METHODS
+from estimators.options import Description, describe
+from estimators.processing import Processed
+from estimators.quaternions import Array
+from estimators.trajectory import Flag, Trajectory
+from sessions.recording import LoadedRecording
+
+CURVE_POINTS = 500  # of a curve on the page: finer than the print
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visit:
+    """What the clinic knows of the session; all but the pseudonym may be unknown."""
+
+    patient: str  # pseudonym, never a name
+    date: datetime | None = None  # aware; None = the recording's own start
+    examiner: str = ""
+    dominant: Hand | None = None
+    affected: Literal["left", "right", "both"] | None = None
+    notes: str = ""
+
+
+@dataclass(frozen=True)
+class Changed:
+    """An option that was not left at its default."""
+
+    option: Description
+    value: Any
+
+
+@dataclass(frozen=True)
+class Method:
+    """How the movement was estimated."""
+
+    name: str  # of METHODS
+    title: str
+    changed: tuple[Changed, ...]
+
+
+@dataclass(frozen=True)
+class StreamFacts:
+    """One stream of the recording."""
+
+    name: str
+    sensors: tuple[str, ...]
+    quantities: tuple[str, ...]
+    rate: float  # Hz, nominal
+    samples: int
+    lost: int | None  # None: the recording does not say
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """Which raw recording the figures rest on."""
+
+    checksum: str  # sha256, "" where unknown
+    start_utc: str  # ISO 8601, "" where unknown
+    duration: float  # s
+    source: Mapping[str, Any]  # format, device, device_id, firmware, software, as far as known
+    streams: tuple[StreamFacts, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationFacts:
+    """How one calibration went."""
+
+    source: str
+    onset: float  # s
+    end: float  # s
+    sensors: Mapping[str, SensorQuality]
+
+
+@dataclass(frozen=True)
+class Flagged:
+    """How much of the tasks' samples carries a flag, over all measured segments and in the worst of them."""
+
+    words: str
+    share: float
+    worst: str  # segment
+    worst_share: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Flexion of a joint during one task."""
+
+    joint: str
+    t: Array  # (n,) s from the start of the task
+    angle: Array  # (n,) rad, NaN where not measured
+
+
+@dataclass(frozen=True)
+class Task:
+    """What one measure says of one task, with the curves it rests on."""
+
+    result: TaskResult
+    title: str  # of the task
+    measure_title: str
+    asked: frozenset[str] | None  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
+    curves: tuple[Curve, ...] = ()
+
+    def asks(self, joint: str, angle: str) -> bool:
+        return self.asked is None or f"{joint}_{angle}" in self.asked
+
+
+@dataclass(frozen=True)
+class Content:
+    """A report before it is worded."""
+
+    visit: Visit
+    hand: Hand
+    date: datetime | None  # aware
+    software: str
+    method: Method
+    recording: RecordingFacts
+    calibrations: tuple[CalibrationFacts, ...]
+    tasks: tuple[Task, ...]
+    measured: tuple[str, ...]  # segments that carry a sensor
+    flagged: tuple[Flagged, ...]
+    warnings: tuple[str, ...]
+
+
+def content(
+    visit: Visit,
+    recording: LoadedRecording,
+    processed: Processed,
+    method: str,
+    params: Any,
+    results: Sequence[TaskResult],
+    software: str,
+    protocols: Mapping[str, Protocol],
+) -> Content:
+    """Gather a session: its recording, what the method (a name of METHODS) with its params made of it, what was measured on that.
+
+    `protocols` (by task name) tell what each task was called and which angles it asked for; a task without one may have asked for any.
+    """
+    measured = tuple(s for s in SEGMENT if any(s in stream.sensors for stream in recording.streams if stream.inertial))
+    return Content(
+        visit,
+        recording.hand,
+        visit.date or _moment(recording.start_utc),
+        software,
+        Method(method, METHODS[method].TITLE, tuple(_changed(params))),
+        _recording(recording),
+        tuple(CalibrationFacts(c.source, c.t, c.end, c.quality) for c in processed.calibrations),
+        tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),
+        measured,
+        tuple(_flagged(processed.trajectory, results, measured)),
+        processed.warnings,
+    )
+
+
+def _moment(start_utc: str | None) -> datetime | None:
+    if not start_utc:
+        return None
+    moment = datetime.fromisoformat(start_utc)
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+def _changed(params: Any) -> list[Changed]:
+    return [Changed(o, getattr(params, o.name)) for o in describe(type(params)) if getattr(params, o.name) != o.default]
+
+
+def _recording(recording: LoadedRecording) -> RecordingFacts:
+    streams = tuple(
+        StreamFacts(s.name, s.sensors, s.quantities, s.rate, len(recording.samples[s.name].t), recording.losses.get(s.name))
+        for s in recording.streams
+    )
+    return RecordingFacts(recording.checksum, recording.start_utc or "", recording.duration, recording.source, streams)
+
+
+def _task(result: TaskResult, protocol: Protocol | None, trajectory: Trajectory) -> Task:
+    title = protocol.title if protocol else result.task.replace("_", " ")
+    return Task(result, title, MEASURES[result.measure].TITLE, asked(protocol), tuple(_curves(trajectory, result)))
+
+
+def asked(protocol: Protocol | None) -> frozenset[str] | None:
+    """The angles that differ between the postures that the protocol shows."""
+    if protocol is None or len(protocol.ghost) < 2:
+        return None
+    return frozenset(angle for angle in DOF_NAMES if len({posture.get(angle, 0.0) for posture in protocol.ghost}) > 1)
+
+
+def _curves(trajectory: Trajectory, result: TaskResult) -> list[Curve]:
+    """Flexion of the joints that the result's ranges name, thinned to CURVE_POINTS."""
+    if not isinstance(result.details, list):
+        return []
+    joints = [r.joint for r in result.details if isinstance(r, Range) and r.angle == "flexion"]
+    part = trajectory.between(result.onset, float(np.nextafter(result.end, np.inf)))
+    every = max(1, -(-len(part) // CURVE_POINTS))
+    t = part.t[::every] - result.onset
+    return [Curve(joint, t, part.angles[::every, JOINT[joint], FLEXION]) for joint in joints]
+
+
+def _flagged(trajectory: Trajectory, results: Sequence[TaskResult], measured: Sequence[str]) -> list[Flagged]:
+    """Shares of flags within the tasks (the whole recording where there is none)."""
+    inside = np.zeros(len(trajectory), bool) if results else np.ones(len(trajectory), bool)
+    for r in results:
+        inside |= (trajectory.t >= r.onset) & (trajectory.t <= r.end)
+    flags = trajectory.flags[inside][:, [SEGMENT[s] for s in measured]]
+    return [found for flag, words in FLAG_WORDS.items() if flags.size and (found := _share(flags, flag, words, measured)).share > 0]
+
+
+def _share(flags: np.ndarray, flag: Flag, words: str, measured: Sequence[str]) -> Flagged:
+    shares = ((flags & flag) != 0).mean(axis=0)
+    worst = int(np.argmax(shares))
+    return Flagged(words, float(shares.mean()), measured[worst], float(shares[worst]))

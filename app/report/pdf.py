@@ -1,0 +1,63 @@
+"""The report as PDF: words and figures go to the layout as data, so any text prints literally; the same content gives the same bytes.
+
+Tagged and archivable (PDF/A-2a, PDF/UA-1, as far as the compiler checks: it refuses an image without a description); its own fonts only.
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import typst
+
+from app.report.content import Content
+from app.report.page import words_of
+
+LAYOUT = Path(__file__).with_name("report.typ")
+STANDARDS: Final = ("a-2a", "ua-1")
+UNPRINTABLE = re.compile(r'the text (?:contains the disallowed codepoint )?`"(.+?)"`')
+ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
+
+
+def pdf(content: Content) -> bytes:
+    """The report; a character that the fonts lack is printed by its number, as [U+4E2D]."""
+    page, missing = words_of(content), set[str]()
+    moment = int(content.date.timestamp()) if content.date else 0
+    while True:
+        try:
+            return _compiled(_spelled(page, missing), moment)
+        except typst.TypstError as problem:
+            found = _unprintable(problem)
+            if found is None or found in missing:
+                raise
+            missing.add(found)
+
+
+def _compiled(page: Any, moment: int) -> bytes:
+    """PDF of a page dated `moment` (s since 1970, UTC)."""
+    compiler = typst.Compiler(
+        LAYOUT, root=LAYOUT.parent, font_paths=typst.Fonts(include_system_fonts=False), sys_inputs={"page": json.dumps(page)}
+    )
+    made = compiler.compile(format="pdf", pdf_standards=[*STANDARDS], timestamp=moment)
+    assert isinstance(made, bytes)
+    return made
+
+
+def _unprintable(problem: typst.TypstError) -> str | None:
+    """The character that the compiler cannot print, if that is its complaint."""
+    found = UNPRINTABLE.search(problem.message)
+    if not found:
+        return None
+    escaped = ESCAPED.fullmatch(found[1])
+    return chr(int(escaped[1], 16)) if escaped else found[1]
+
+
+def _spelled(value: Any, missing: set[str]) -> Any:
+    """The page with every missing character replaced by its number."""
+    if isinstance(value, dict):
+        return {key: _spelled(v, missing) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_spelled(v, missing) for v in value]
+    if isinstance(value, str) and missing:
+        return "".join(f"[U+{ord(c):04X}]" if c in missing else c for c in value)
+    return value

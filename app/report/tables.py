@@ -1,0 +1,119 @@
+"""The report's figures as tables for programs and spreadsheets: CSV and JSON, a row a figure, signs and units stated.
+
+Values stand twice: in SI, exactly as measured, and in the unit a person reads. A value that was not measured is empty (CSV) or null (JSON).
+"""
+
+import csv as csv_format
+import io
+import math
+from typing import Any
+
+import orjson
+
+from app.report.content import Content
+from app.report.units import reading
+from app.report.words import NOTICE, TAG
+
+SIGNS = (
+    "angles: flexion, ulnar deviation and pronation are positive; extension, radial deviation and supination are negative; the same on both hands",
+    "finger abduction is away from the middle finger: radial for the index, ulnar for the ring and little finger",
+    "thumb CMC: flexion is palmar abduction, radial deviation is radial abduction",
+    "value is in unit, value_si and sd_si are in unit_si; empty where not measured, reason says why",
+)
+COLUMNS = (
+    "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source"
+)  # fmt: skip
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell of text that begins so would be run by a spreadsheet
+
+
+def csv(content: Content) -> bytes:
+    """UTF-8, comment lines (#) before the header; text that a spreadsheet would take for a formula gets a leading apostrophe."""
+    buffer = io.StringIO()
+    for line in _preamble(content):
+        buffer.write("# " + " ".join(line.split()) + "\n")
+    writer = csv_format.writer(buffer, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in rows(content):
+        writer.writerow([_cell(row[column]) for column in COLUMNS])
+    return buffer.getvalue().encode()
+
+
+def json(content: Content) -> bytes:
+    """The same rows with the session, the calibration and the provenance; keys in a fixed order."""
+    return orjson.dumps(
+        {
+            "notice": f"{TAG} {NOTICE}",
+            "signs": SIGNS,
+            "session": _session(content),
+            "recording": content.recording,
+            "method": content.method,
+            "calibrations": content.calibrations,
+            "measured_segments": content.measured,
+            "flagged": content.flagged,
+            "warnings": content.warnings,
+            "figures": rows(content),
+        },
+        default=str,
+        option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_INDENT_2,
+    )
+
+
+def rows(content: Content) -> list[dict[str, Any]]:
+    """All figures of all tasks, a dictionary of COLUMNS each; None where not measured."""
+    return [
+        {
+            "task": task.result.task,
+            "onset_s": task.result.onset,
+            "end_s": task.result.end,
+            "measure": task.result.measure,
+            "name": f.name,
+            "value": _known(reading(f).value),
+            "unit": reading(f).unit,
+            "value_si": _known(f.value),
+            "sd_si": _known(f.sd),
+            "unit_si": f.unit,
+            "grade": f.grade,
+            "reason": f.reason,
+            "source": f.source,
+        }
+        for task in content.tasks
+        for f in task.result.figures
+    ]
+
+
+def _session(content: Content) -> dict[str, Any]:
+    visit = content.visit
+    return {
+        "patient": visit.patient,
+        "hand": content.hand,
+        "dominant": visit.dominant,
+        "affected": visit.affected,
+        "date": content.date.isoformat() if content.date else None,
+        "examiner": visit.examiner,
+        "notes": visit.notes,
+        "software": content.software,
+    }
+
+
+def _preamble(content: Content) -> list[str]:
+    session = _session(content)
+    changed = ", ".join(f"{c.option.name}={c.value}" for c in content.method.changed)
+    return [
+        TAG,
+        *(f"{name}: {value}" for name, value in session.items() if value and name != "notes"),
+        f"recording sha256: {content.recording.checksum or 'not known'}",
+        f"method: {content.method.name} ({content.method.title}); options: {changed or 'defaults'}",
+        *SIGNS,
+    ]
+
+
+def _known(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _cell(value: Any) -> Any:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(value)
+    return f"'{value}" if str(value).startswith(FORMULA) else value

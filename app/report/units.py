@@ -1,0 +1,25 @@
+"""Units a person reads: degrees and millimetres instead of SI, percent for shares."""
+
+from dataclasses import dataclass
+
+from estimators.measures.figure import Figure
+
+DEG = 57.29577951308232  # of a rad
+READABLE = {"rad": ("deg", DEG), "rad/s": ("deg/s", DEG), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "T": ("uT", 1e6)}
+SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A figure's value as it is read; NaN where it was not measured."""
+
+    value: float
+    unit: str  # "" for a count
+
+
+def reading(figure: Figure) -> Reading:
+    """The figure in the unit a person reads."""
+    if figure.unit == "1":
+        return Reading(100 * figure.value, "%") if figure.name.endswith(SHARES) else Reading(figure.value, "")
+    unit, factor = READABLE.get(figure.unit, (figure.unit, 1.0))
+    return Reading(factor * figure.value, unit)

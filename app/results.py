@@ -1,0 +1,132 @@
+"""Make results: process a kept recording, assess it, keep figures for pages and a thinned trajectory for replay.
+
+Runs in a process of its own (app/jobs.py), so that a long computation never holds up a live view.
+"""
+
+import io
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from app.options import with_options
+from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENT
+from estimators.measures.assessment import TaskResult, assess
+from estimators.measures.tapping import Tapping
+from estimators.methods import METHODS
+from estimators.processing import Processed, process
+from estimators.trajectory import Trajectory
+from sessions import derivative, records
+from sessions.number_table import Data
+from sessions.recording import LoadedRecording
+from sessions.results import get
+from sessions.store import Store
+from sessions.tables import Result
+from sessions.trajectory_table import measured_segments
+from sessions.writing import save_file
+
+REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves
+
+
+def make(store: Store, result_id: int) -> None:
+    """Process the result's recording; a failure the user can mend is kept as the result's error."""
+    with store.database() as db:
+        result = get(db, result_id)
+        result.state, result.progress, result.error = "running", 0.0, ""
+        db.commit()
+        try:
+            recording, processed = computed(store, result, lambda share: _progress(db, result, share))
+        except InputError as mistake:
+            result.state, result.error = "failed", str(mistake)
+            db.commit()
+            return
+        tasks = assess(processed.trajectory, recording.events)
+        save_replay(store, result_id, processed.trajectory)
+        result.figures = [row for t in tasks for row in figure_rows(t)]
+        result.content = page_content(processed, tasks, recording)
+        result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
+        result.recording.session.state = "processed"
+        db.commit()
+
+
+def computed(store: Store, result: Result, progress: Callable[[float], None] = lambda share: None) -> tuple[LoadedRecording, Processed]:
+    """The recording and what the method makes of it, computed anew."""
+    if result.method not in METHODS:
+        raise InputError(f"there is no method {result.method!r}; methods are {', '.join(METHODS)}")
+    method = METHODS[result.method]
+    recording = records.opened(store, result.recording)
+    return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress)
+
+
+def derivative_files(store: Store, result: Result) -> dict[str, Data]:
+    """The derivative of spec 04 of a result."""
+    recording, processed = computed(store, result)
+    params = with_options(METHODS[result.method].Params, result.parameters)
+    return derivative.tree(processed, recording, result.method, params, result.version)
+
+
+def figure_rows(t: TaskResult) -> list[dict[str, Any]]:
+    """The figures of a task as plain data; NaN becomes None."""
+    rows = []
+    for f in t.figures:
+        row = asdict(f)
+        row["value"] = None if not np.isfinite(f.value) else f.value
+        rows.append({"task": t.task, "measure": t.measure, **row})
+    return rows
+
+
+def page_content(processed: Processed, tasks: list[TaskResult], recording: LoadedRecording) -> dict[str, Any]:
+    """Everything that the result page draws besides the figures."""
+    moved, c = processed.trajectory, processed.calibrations[0]
+    return {
+        "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
+        "measured": measured_segments(moved),
+        "calibration": {"source": c.source, "onset": c.t, "end": c.end, "quality": {s: asdict(q) for s, q in c.quality.items()}},
+        "tasks": [_task(t) for t in tasks],
+        "events": [{"trial_type": e.trial_type, "onset": e.onset, "duration": e.duration, **dict(e.details)} for e in recording.events],
+    }
+
+
+def replay_file(result_id: int) -> str:
+    return f"results/{result_id}.npz"
+
+
+def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
+    """Keep the trajectory thinned to REPLAY_RATE; it can be made again at any time."""
+    rate = 1.0 / float(np.median(np.diff(moved.t))) if len(moved) > 1 else REPLAY_RATE
+    thin = slice(None, None, max(1, round(rate / REPLAY_RATE)))
+    buffer = io.BytesIO()
+    small = {"angles": moved.angles[thin], "q_GH": moved.q_GS[thin, SEGMENT["hand"]], "tips": moved.tips[thin]}
+    arrays = {name: values.astype(np.float32) for name, values in small.items()}
+    np.savez_compressed(buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays)
+    path = store.path_of(replay_file(result_id))
+    path.parent.mkdir(exist_ok=True)
+    save_file(buffer.getvalue(), path)
+
+
+def load_replay(store: Store, result: Result) -> dict[str, Any]:
+    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags; made anew where its file is gone."""
+    path = store.path_of(replay_file(result.id))
+    if not path.exists():
+        save_replay(store, result.id, computed(store, result)[1].trajectory)
+    with np.load(path) as kept:
+        return {name: kept[name] for name in kept.files}
+
+
+def _task(t: TaskResult) -> dict[str, Any]:
+    told: dict[str, Any] = {"task": t.task, "measure": t.measure, "onset": t.onset, "end": t.end}
+    if isinstance(t.details, Tapping):
+        d = t.details
+        told |= {"closings": d.closings.tolist(), "amplitudes": d.amplitudes.tolist(), "grade": d.grade, "reason": d.reason}
+    else:
+        told["ranges"] = [asdict(r) for r in t.details]
+    return told
+
+
+def _progress(db: Session, result: Result, share: float) -> None:
+    if share - result.progress >= 0.05:
+        result.progress = share
+        db.commit()

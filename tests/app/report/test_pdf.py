@@ -1,0 +1,221 @@
+"""The PDF: one page, everything on it, any text literally, the same bytes for the same content."""
+
+import re
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from app.report import FORMS
+from app.report.content import Content
+from app.report.page import words_of
+from app.report.pdf import pdf
+from app.report.words import NOTICE, TAG
+from estimators.measures import tapping
+from estimators.methods import m2
+from tests.app.report.simulated_sessions import CHECKSUM, NORMAL, ROM, VISIT, gap_in_the_little_finger, report, session
+
+reads_pdf = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext (poppler-utils) is not installed")
+NASTY = "Łódź <b>x</b> & #let $x^2$ *y* _z_ @ref \\ `r` -- ... \"q\" 'p' [l](m) {n} //c /*d*/ Ελ Кир עב"
+
+
+def pages(made: bytes) -> int:
+    return made.count(b"/Type/Page/")
+
+
+def printed(made: bytes) -> str:
+    """The text of the PDF with runs of white space as one space."""
+    text = subprocess.run(["pdftotext", "-layout", "-", "-"], input=made, capture_output=True, check=True).stdout.decode()
+    return " ".join(text.split())
+
+
+def text_of(c: Content) -> str:
+    return printed(pdf(c))
+
+
+def test_a_normal_session_is_one_a4_page() -> None:
+    made = pdf(report())
+    assert made.startswith(b"%PDF-1.7")
+    assert pages(made) == 1
+    assert re.search(rb"/MediaBox\[0 0 595\.27\d* 841\.8\d*\]", made)
+
+
+def test_three_trials_of_tapping_still_are_one_page() -> None:
+    assert pages(pdf(report(session((*NORMAL, "tapping", "tapping"))))) == 1
+
+
+@reads_pdf
+def test_every_word_and_number_of_the_page_is_printed() -> None:
+    page, text = words_of(report()), text_of(report())
+    cells = [cell for row in page["ranges"][0]["rows"] for cell in row]
+    cells += [cell for row in page["tapping"][0]["rows"] for cell in row]
+    cells += [cell for row in page["calibration"]["rows"] for cell in row]
+    cells += [cell for row in [*page["facts"], *page["signal"], *page["provenance"]] for cell in row[1:]]
+    for words in [*cells, *page["checksum"], *page["calibration"]["summaries"], TAG, NOTICE, "Signature", "Pain 2/10 on full flexion."]:
+        for word in words.split():
+            assert word in text, words
+    assert CHECKSUM[:32] in text
+
+
+@reads_pdf
+def test_the_numbers_are_those_that_were_measured() -> None:
+    text, tapping = text_of(report()), session()[2][-1].details
+    assert f"Taps {tapping.count}" in text
+    assert f"Rate {tapping.rate:.2f} per s" in text
+    assert f"Amplitude, mean {1e3 * tapping.amplitudes.mean():.1f} mm" in text
+    assert re.search(r"Ring MCP 80° 1\d° hyperextension 1\d° abd\., \d° add\. good", text)
+    assert re.search(r"Wrist 50° 45° extension 15° radial, 25° ulnar good", text)
+
+
+@reads_pdf
+def test_no_angle_is_printed_with_a_bare_sign() -> None:
+    text = text_of(report())
+    assert "°" in text
+    assert not re.search(r"[-−+±]\s?\d+°", text)
+
+
+@reads_pdf
+def test_text_prints_literally() -> None:
+    visit = replace(VISIT, patient="<i>P</i> & #1", examiner="$A$ *B*", notes=NASTY + "\r\nsecond line")
+    text = text_of(report(visit=visit, source={"device": "#glove *7*"}))
+    for words in ("<i>P</i> & #1", "$A$ *B*", NASTY[: NASTY.index("עב")].strip(), "second line", "#glove *7*"):
+        assert words in text
+    assert "[U+" not in text
+
+
+@reads_pdf
+def test_characters_without_a_glyph_are_printed_by_their_number() -> None:
+    assert "a[U+4E2D]b [U+0007] [U+1F600] c [U+6587]" in text_of(report(visit=replace(VISIT, notes="a中b \x07 😀 c 文")))
+    assert "[U+FEFF]first" in text_of(report(visit=replace(VISIT, patient="\ufefffirst")))
+
+
+def test_the_same_content_gives_the_same_bytes_also_in_parallel() -> None:
+    with ThreadPoolExecutor(3) as pool:
+        made = list(pool.map(lambda _: pdf(report()), range(3)))
+    assert made[0] == made[1] == made[2]
+
+
+def test_the_document_is_dated_by_the_session() -> None:
+    assert b"2026-11-21T10:32:00" in pdf(report())
+    assert b"1970-01-01" in pdf(report(visit=replace(VISIT, date=None), start_utc=None))
+
+
+def test_the_document_is_tagged_and_declares_its_standards() -> None:
+    made = pdf(report())
+    for mark in (b"/StructTreeRoot", b"/Lang", b"pdfuaid:part", b"pdfaid:part"):
+        assert mark in made
+
+
+@reads_pdf
+def test_a_session_without_tapping_says_so() -> None:
+    text = text_of(report(session(("initial_pose", *ROM))))
+    assert "Finger tapping was not part of this session." in text
+    assert "Range of motion was not part" not in text
+
+
+@reads_pdf
+def test_a_session_without_range_of_motion_says_so() -> None:
+    text = text_of(report(session(("initial_pose", "tapping"))))
+    assert "Range of motion was not part of this session." in text
+    assert "Taps" in text
+
+
+@reads_pdf
+def test_a_trial_without_taps_says_so() -> None:
+    recording, processed, results = session()
+    still = replace(results[-1], onset=1.5, end=4.4)  # within the initial pose
+    details = tapping.measure(tapping.Params(), processed.trajectory, still.onset, still.end)
+    none = replace(still, details=details, figures=tuple(tapping.figures(details)))
+    text = text_of(report((recording, processed, (none,))))
+    assert "No complete tap was found, so there is no curve to show." in text
+    assert "not measured" in text
+    assert "Poor signal, no complete tap found." in text
+
+
+@pytest.mark.parametrize(
+    ("slope", "words"), [(-0.00052, "0.52 mm smaller"), (0.0004, "0.40 mm larger"), (0.000001, "no change"), (float("nan"), "too few taps")]
+)
+def test_a_change_of_amplitude_is_said_in_words(slope: float, words: str) -> None:
+    recording, processed, results = session()
+    details = replace(results[-1].details, decrement_slope=slope)
+    changed = replace(results[-1], details=details, figures=tuple(tapping.figures(details)))
+    (section,) = words_of(report((recording, processed, (changed,))))["tapping"]
+    assert ["Change per tap", "", words] in section["rows"]
+
+
+@reads_pdf
+def test_poor_signal_is_said_with_its_reason() -> None:
+    text = text_of(report(session(change=gap_in_the_little_finger)))
+    assert re.search(r"Poor signal of Little MCP, Little PIP: samples missing and bridged in \d+ % of the samples\.", text)
+    assert re.search(r"samples missing and bridged \(worst: little proximal, 3\d %\)", text)
+    assert "Warnings. little_proximal had missing samples" in text
+    assert "Index PIP" not in text.replace("Index MCP", "").split("Flexion in degrees")[0].split("Poor signal")[1]
+
+
+@reads_pdf
+def test_fingers_that_are_not_measured_are_named() -> None:
+    segments = ("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "index_proximal", "index_middle", "index_distal")
+    text = text_of(report(session(("initial_pose", "rom_thumb", "tapping"), segments=segments)))
+    assert "Without sensors: wrist, middle, ring, little." in text
+    assert "Not asked for, or without usable samples: index." in text
+
+
+@reads_pdf
+def test_tasks_beyond_the_range_of_motion_follow_on_a_page_of_their_own_without_deficits() -> None:
+    made = pdf(report(session((*NORMAL, "wiggle"))))
+    assert pages(made) == 2
+    further = printed(made).split("Further tasks")[1]
+    assert "wiggle" in further
+    assert "not below" in further
+    assert "deficit" not in further
+    assert "reference values" not in further
+    assert further.count(TAG) == 1  # in the footer of the second page
+
+
+@reads_pdf
+def test_long_notes_go_on_and_nothing_is_lost() -> None:
+    made = pdf(report(visit=replace(VISIT, notes="\n".join(f"line {k}" for k in range(60)))))
+    assert pages(made) == 2
+    text = printed(made)
+    assert all(f"line {k} " in text for k in range(60))
+    assert "Signature" in text
+
+
+@reads_pdf
+def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:
+    unknown = replace(VISIT, date=None, examiner="")
+    text = text_of(report(visit=unknown, params=m2.Params(max_gap=0.1), start_utc=None, checksum="", source={}, losses={}))
+    for words in (
+        "max_gap = 0.1 s (default 0.25)",
+        "date not recorded",
+        "not given",
+        "losses not recorded",
+        "not known",
+    ):
+        assert words in text
+    assert "all at their defaults" in text_of(report())
+
+
+def test_warnings_beyond_the_first_are_counted() -> None:
+    recording, processed, results = session()
+    many = replace(processed, warnings=tuple(f"warning {k}" for k in range(9)))
+    said = words_of(report((recording, many, results)))["warnings"]
+    assert said == "warning 0; warning 1; warning 2; warning 3; 5 more in the session's JSON file"
+
+
+def test_streams_of_one_kind_are_told_together() -> None:
+    recording, processed, results = session()
+    imu = recording.samples["imu"]
+    strips = {name: replace(imu, stream=replace(imu.stream, name=name, sensors=(name,))) for name in ("hand", "forearm")}
+    said = words_of(
+        report((replace(recording, samples=strips, losses={"hand": 2, "forearm": 1}), processed, results), losses={"hand": 2, "forearm": 1})
+    )
+    assert said["signal"][0] == ["Streams", f"hand, forearm: 2 sensors at 60 Hz, {2 * len(imu.t):,} samples, 3 lost"]
+
+
+def test_every_form_is_handed_out() -> None:
+    assert set(FORMS) == {"pdf", "csv", "json"}
+    starts = {form: make(report())[:5] for form, make in FORMS.items()}
+    assert starts == {"pdf": b"%PDF-", "csv": b"# Res", "json": b'{\n  "'}

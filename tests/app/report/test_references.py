@@ -1,0 +1,54 @@
+"""Every reference value has a source and lies where the joint can go."""
+
+import json
+
+import pytest
+
+from app.report.references import FILE, Reference, references, smallest_change
+from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
+
+
+@pytest.mark.parametrize("reference", references(), ids=lambda r: f"{r.joint}-{r.angle}-{r.end}")
+def test_a_reference_value_has_a_source_and_is_plausible(reference: Reference) -> None:
+    assert reference.source.name.strip()
+    assert len(reference.source.reference) > len(reference.source.name)
+    low, high = JOINTS[JOINT[reference.joint]].limits[ANGLES.index(reference.angle)]
+    assert low < reference.degrees < high
+    assert reference.degrees >= 0 if reference.end == "largest" else reference.degrees <= 0
+
+
+def test_no_value_stands_twice_and_every_source_is_used() -> None:
+    assert len({(r.joint, r.angle, r.end) for r in references()}) == len(references())
+    file = json.loads(FILE.read_text("utf-8"))
+    used = {v["source"] for v in file["values"]} | {file["smallest_change"]["source"]}
+    assert used == set(file["sources"])
+
+
+def test_every_hinge_of_the_hand_has_a_largest_and_a_smallest_flexion() -> None:
+    given = {(r.joint, r.end) for r in references() if r.angle == "flexion"}
+    hinges = {j.name for j in JOINTS} - {"thumb_cmc"}
+    assert {(joint, end) for joint in hinges for end in ("largest", "smallest")} <= given
+
+
+@pytest.mark.parametrize(
+    ("joint", "angle", "end", "degrees"),
+    [
+        ("index_mcp", "flexion", "largest", 90),
+        ("ring_pip", "flexion", "largest", 100),
+        ("little_dip", "flexion", "largest", 80),
+        ("middle_pip", "flexion", "smallest", 0),
+        ("thumb_ip", "flexion", "largest", 88),
+        ("thumb_mcp", "flexion", "smallest", -8.1),
+        ("thumb_cmc", "flexion", "largest", 48),
+        ("wrist", "flexion", "smallest", -70),
+        ("wrist", "deviation", "largest", 30),
+    ],
+)
+def test_values_are_the_published_ones(joint: str, angle: str, end: str, degrees: float) -> None:
+    (found,) = [r.degrees for r in references() if (r.joint, r.angle, r.end) == (joint, angle, end)]
+    assert found == degrees
+
+
+def test_the_smallest_change_that_counts_names_its_source() -> None:
+    assert smallest_change().degrees == 12
+    assert smallest_change().source.name == "Reissner 2019"

@@ -1,0 +1,66 @@
+"""Angles are said in clinical words, never with a bare sign."""
+
+import math
+
+import pytest
+
+from app.report.words import SIDES, both_ways, extension_words, flexion_words, joint_words, span_words
+from tests.app.report.simulated_sessions import report
+
+
+@pytest.mark.parametrize(
+    ("joint", "smallest", "largest", "words"),
+    [
+        ("index_pip", 12, 90, "12° extension deficit"),
+        ("index_mcp", -8, 90, "8° hyperextension"),
+        ("index_dip", 0.3, 70, "full"),
+        ("index_dip", -0.3, 70, "full"),
+        ("index_pip", -13, -5, "5° to 13° hyperextension"),
+        ("wrist", -45, 50, "45° extension"),
+        ("wrist", 0, 50, "0° extension"),
+        ("wrist", 10, 50, "10° extension deficit"),
+        ("thumb_cmc", 9, 50, "9° short of palm"),
+        ("thumb_cmc", -6, 50, "6° behind palm"),
+        ("thumb_cmc", 0, 50, "to palm plane"),
+    ],
+)
+def test_extension_is_a_deficit_or_beyond_straight(joint: str, smallest: float, largest: float, words: str) -> None:
+    assert extension_words(joint, math.radians(smallest), math.radians(largest)) == words
+
+
+def test_a_task_that_did_not_ask_for_full_extension_shows_no_deficit() -> None:
+    assert extension_words("index_pip", math.radians(28), math.radians(90), full=False) == "not below 28°"
+
+
+@pytest.mark.parametrize(("largest", "words"), [(95.4, "95°"), (-0.2, "0°"), (-5, "none")])
+def test_flexion_is_the_largest_angle(largest: float, words: str) -> None:
+    assert flexion_words(math.radians(largest)) == words
+
+
+@pytest.mark.parametrize(
+    ("joint", "smallest", "largest", "words"),
+    [
+        ("index_mcp", -17, 12, "17° abd., 12° add."),  # radial is away from the middle finger
+        ("little_mcp", -12, 40, "40° abd., 12° add."),  # ulnar is
+        ("middle_mcp", -3, 4, "3° radial, 4° ulnar"),
+        ("wrist", -15, 25, "15° radial, 25° ulnar"),
+        ("wrist", 5, 25, "5° to 25° ulnar"),
+        ("wrist", -15, -6, "6° to 15° radial"),
+        ("wrist", -15.2, -14.9, "15° radial"),
+        ("thumb_cmc", -60, 10, "60° radial abd., 10° add."),
+    ],
+)
+def test_side_motion_names_both_directions(joint: str, smallest: float, largest: float, words: str) -> None:
+    assert both_ways(math.radians(smallest), math.radians(largest), SIDES[joint]) == words
+
+
+def test_joints_are_named_by_finger_and_joint() -> None:
+    assert joint_words("index_pip") == ("Index", "PIP")
+    assert joint_words("wrist") == ("Wrist", "")
+
+
+def test_the_span_of_tasks_names_each_and_its_seconds() -> None:
+    tasks = report().tasks
+    assert span_words(tasks[:1]) == "Fist and stretch, 7 to 20 s of the recording"
+    assert span_words([tasks[0], tasks[0]]) == "Fist and stretch, 7 to 20 and 7 to 20 s of the recording"
+    assert span_words(tasks[:4]).startswith("Fist and stretch; Spread and close; Thumb across and away; Wrist")
