@@ -1,0 +1,1 @@
+"""The HTTP API under /api: a router a noun, each route parses, calls one plain function and returns its value."""

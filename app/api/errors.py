@@ -1,0 +1,35 @@
+"""Where a user's mistake becomes an answer: one place, one form `{"error": sentence}`."""
+
+import logging
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse
+
+from estimators.errors import InputError
+
+log = logging.getLogger(__name__)
+
+
+def install(app: FastAPI) -> None:
+    """Give every error its answer."""
+
+    @app.exception_handler(InputError)
+    async def mistake(request: Request, error: InputError) -> JSONResponse:
+        return JSONResponse({"error": str(error)}, 404 if str(error).startswith("there is no ") else 422)
+
+    @app.exception_handler(RequestValidationError)
+    async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
+        return JSONResponse({"error": f"{where or 'request'}: {first['msg']}"}, 422)
+
+    @app.exception_handler(HTTPException)
+    async def refused(request: Request, error: HTTPException) -> JSONResponse:
+        return JSONResponse({"error": str(error.detail)}, error.status_code, headers=error.headers)
+
+    @app.exception_handler(Exception)
+    async def bug(request: Request, error: Exception) -> JSONResponse:
+        log.exception("%s %s", request.method, request.url.path, exc_info=error)
+        return JSONResponse({"error": "something went wrong inside Handscope; the log has the details, nothing was changed"}, 500)

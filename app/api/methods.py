@@ -1,0 +1,27 @@
+"""/api/methods: what recordings can be processed with; /api/protocols: what patients can be asked to do"""
+
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter
+
+from app.api.sessions import NewResult
+from app.protocols import load_all
+from estimators.methods import METHODS
+from estimators.options import describe
+
+router = APIRouter(tags=["methods"])
+
+
+@router.get("/methods")
+def list_methods() -> list[dict[str, Any]]:
+    """Methods with their options: default, unit, meaning, source; one of them is what is taken unless another is asked for."""
+    return [
+        {"name": name, "title": m.TITLE, "default": name == NewResult().method, "options": [asdict(d) for d in describe(m.Params)]}
+        for name, m in METHODS.items()
+    ]
+
+
+@router.get("/protocols")
+def list_protocols() -> list[dict[str, Any]]:
+    return [asdict(p) for p in load_all().values()]

@@ -1,0 +1,42 @@
+"""The pages: one document whose modules draw what the address names, and the 3-D scene of a station."""
+
+from pathlib import Path
+
+from fastapi import APIRouter, Request, WebSocket
+from starlette.responses import FileResponse, Response
+
+import static
+from app.api.state import PartsDep, parts
+from app.scene import bridge
+from estimators.errors import InputError
+
+router = APIRouter(include_in_schema=False)
+STATIC = Path(static.__file__).parent
+PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help")
+
+
+def _page() -> FileResponse:
+    return FileResponse(STATIC / "index.html")
+
+
+for address in PAGES:
+    router.add_api_route(address, _page, methods=["GET"])
+
+
+@router.get("/scene/{name}/")
+def scene_page(request: Request, parts: PartsDep, name: str) -> Response:
+    """viser's client; it comes back for its web socket under the same address without the last slash."""
+    parts.stations.get(name)
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"Content-Security-Policy": bridge.policy(request.headers["host"]), **({"Content-Encoding": "gzip"} if packed else {})}
+    return Response(bridge.client_page_gzipped() if packed else bridge.client_page(), media_type="text/html", headers=headers)
+
+
+@router.websocket("/scene/{name}")
+async def scene_socket(websocket: WebSocket, name: str) -> None:
+    try:
+        scene = parts(websocket).stations.get(name).scene
+    except InputError:
+        await websocket.close(4404, "no such station")
+        return
+    await bridge.bridge(websocket, scene.port, scene.secret)

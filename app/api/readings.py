@@ -1,0 +1,97 @@
+"""What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from app.protocols import Protocol
+from app.report.content import Task, asked
+from app.report.range_rows import asks_full_range, over_tasks, range_rows
+from app.report.units import DEG, reading
+from estimators.measures.assessment import TaskResult
+from estimators.measures.figure import Figure
+from estimators.measures.range_of_motion import Range
+
+CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
+
+
+def readings(content: Mapping[str, Any], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> dict[str, Any]:
+    """Tables for pages from a kept result's content and figures; empty before it is done."""
+    tasks = content.get("tasks", [])
+    return {
+        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols),
+        "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols),
+        "calibration": _calibration(content.get("calibration")),
+    }
+
+
+def _ranges(told: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> list[dict[str, Any]]:
+    """One table over the tasks that asked for the full range, then one for each of the others."""
+    tasks = [_task(t, protocols.get(t["task"])) for t in told]
+    full = [t for t in tasks if asks_full_range(t.result.task)]
+    groups = ([full] if full else []) + [[t] for t in tasks if t not in full]
+    return [{"full": group[0] in full, "tasks": [t.title for t in group], "rows": _rows(group, group[0] in full)} for group in groups]
+
+
+def _task(told: Mapping[str, Any], protocol: Protocol | None) -> Task:
+    ranges = [Range(**r) for r in told["ranges"]]
+    return Task(
+        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, ()), _title(told, protocol), "", asked(protocol)
+    )
+
+
+def _rows(tasks: list[Task], full: bool) -> list[dict[str, Any]]:
+    return [
+        {
+            "group": r.group,
+            "joint": r.joint,
+            "flexion": r.flexion,
+            "extension": r.extension,
+            "sideways": r.sideways,
+            "grade": r.grade,
+            "reasons": list(r.reasons),
+        }
+        for r in range_rows(over_tasks(tasks), full)
+    ]
+
+
+def _tapping(told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> list[dict[str, Any]]:
+    """Trials in order of time; the kept figures are in the same order, as many a trial."""
+    rows = [f for f in figures if f["measure"] == "tapping"]
+    each = len(rows) // len(told) if told else 0
+    trials = []
+    for k, t in enumerate(told):
+        trials.append(
+            {
+                "title": _title(t, protocols.get(t["task"])),
+                "onset": t["onset"],
+                "end": t["end"],
+                "closings": t["closings"],
+                "amplitudes_mm": [round(1e3 * a, 2) for a in t["amplitudes"]],
+                "grade": t["grade"],
+                "reason": t["reason"],
+                "figures": [_figure(f) for f in rows[k * each : (k + 1) * each]],
+            }
+        )
+    return trials
+
+
+def _figure(row: Mapping[str, Any]) -> dict[str, Any]:
+    value = np.nan if row["value"] is None else row["value"]
+    read = reading(Figure(row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]))
+    return {"name": row["name"], "value": read.value if np.isfinite(read.value) else None, "unit": read.unit}
+
+
+def _calibration(told: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Of each quality the sensor with the largest value, in deg and deg/s."""
+    if not told or not told["quality"]:
+        return None
+    quality = told["quality"]
+    worst = {name: max(quality, key=lambda s: quality[s][name]) for name in CALIBRATION}
+    rows = [{"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]} for n, s in worst.items()]
+    return {"source": told["source"], "onset": told["onset"], "end": told["end"], "sensors": len(quality), "largest": rows}
+
+
+def _title(told: Mapping[str, Any], protocol: Protocol | None) -> str:
+    return protocol.title if protocol else str(told["task"]).replace("_", " ").capitalize()

@@ -1,0 +1,190 @@
+"""/api/sessions, and the sessions and recordings of a patient"""
+
+import os
+import tempfile
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Form, UploadFile
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import FileResponse
+
+from app.api.state import Db, Parts, PartsDep
+from app.live.stations import live_setup
+from app.options import with_options
+from app.version import software_version
+from estimators.errors import InputError
+from estimators.methods import METHODS
+from estimators.options import describe
+from sessions import native, patients, records, results
+from sessions.tables import PatientSession, RecordingFile, Result
+
+router = APIRouter(tags=["sessions"])
+PIECE = 2**20
+
+
+class NewSession(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    hand: str
+    port: str = Field(max_length=400, description="serial port of the glove")
+    method: str = "m2"
+    options: dict[str, Any] = {}
+    examiner: str = Field("", max_length=200)
+
+
+class SessionChange(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    notes: str | None = Field(None, max_length=20_000)
+    examiner: str | None = Field(None, max_length=200)
+
+
+class NewResult(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    method: str = "m2"
+    options: dict[str, Any] = {}
+
+
+@router.post("/patients/{patient_id}/sessions", status_code=201)
+def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> dict[str, Any]:
+    """Begin a live session: the glove's recording starts, the station's wizard waits."""
+    patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
+    parts.stations.require_free(new.port)
+    make_setup = live_setup(new.method, new.options)
+    session, file = records.begin(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner)
+    try:
+        station = parts.stations.open_live(make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym))
+    except BaseException:
+        db.delete(session)
+        db.commit()
+        raise
+    return {"session": session.id, "station": station.name}
+
+
+@router.post("/patients/{patient_id}/recordings", status_code=201)
+async def upload_recording(
+    db: Db,
+    parts: PartsDep,
+    patient_id: int,
+    file: UploadFile,
+    hand: Annotated[str | None, Form()] = None,
+    method: Annotated[str, Form()] = "m2",
+) -> dict[str, Any]:
+    """Keep a Motion-BIDS zip or a native recording made elsewhere as a session and process it."""
+    patient = patients.get(db, patient_id)
+    name = Path(file.filename or "recording").name
+    suffix = native.SUFFIX if name.endswith(native.SUFFIX) else ".zip"
+    handle, place = tempfile.mkstemp(suffix=suffix, dir=parts.store.incoming)
+    try:
+        with os.fdopen(handle, "wb") as target:
+            async for piece in _pieces(file, parts.settings.largest_upload):
+                parts.store.require_room(len(piece) + 2**20)
+                target.write(piece)
+        session = records.add_upload(db, parts.store, patient, Path(place), name, records.hand_of(hand) if hand else None)
+    finally:
+        Path(place).unlink(missing_ok=True)
+    result = _queue(db, parts, session, method, {})
+    return {"session": session.id, "result": result.id}
+
+
+@router.get("/sessions/{session_id}")
+def read_session(db: Db, parts: PartsDep, session_id: int) -> dict[str, Any]:
+    """A session with its recordings and results."""
+    session = records.get(db, session_id)
+    station = parts.stations.of_session(session_id)
+    return {
+        **session_row(session),
+        "geometry": session.geometry,
+        "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
+        "station": station.name if station else None,
+        "recordings": [recording_row(f) for f in session.recordings],
+    }
+
+
+@router.patch("/sessions/{session_id}")
+def change_session(db: Db, session_id: int, change: SessionChange) -> dict[str, Any]:
+    session = records.get(db, session_id)
+    for name, value in change.model_dump(exclude_unset=True).items():
+        setattr(session, name, value)
+    db.commit()
+    return session_row(session)
+
+
+@router.post("/sessions/{session_id}/results", status_code=201)
+def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict[str, Any]:
+    """Process the session's recording by another method or with other options; the same again gives the result that is there."""
+    result = _queue(db, parts, records.get(db, session_id), new.method, new.options)
+    return {"result": result.id}
+
+
+@router.get("/recordings/{recording_id}/file")
+def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
+    """The recording as it was kept, byte for byte."""
+    file = db.get(RecordingFile, recording_id)
+    if file is None or file.sha256 is None:
+        raise InputError(f"there is no closed recording {recording_id}")
+    path = parts.store.path_of(file.file)
+    return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
+
+
+def queue_session(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:
+    """Process a session's recording unless that was done before."""
+    return _queue(db, parts, session, method, options)
+
+
+def session_row(s: PatientSession) -> dict[str, Any]:
+    return {
+        "id": s.id,
+        "patient": s.patient_id,
+        "hand": s.hand,
+        "state": s.state,
+        "started": s.started,
+        "finished": s.finished,
+        "examiner": s.examiner,
+        "notes": s.notes,
+        "source": "live" if any(f.format == "native" and not f.original_name for f in s.recordings) else "upload",
+        "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
+        "tasks": [e["task"] for f in s.recordings for e in f.summary.get("events", []) if e["trial_type"] == "task"],
+    }
+
+
+def recording_row(f: RecordingFile) -> dict[str, Any]:
+    return {
+        "id": f.id,
+        "format": f.format,
+        "name": f.original_name,
+        "sha256": f.sha256,
+        "bytes": f.bytes,
+        "added": f.added,
+        "summary": f.summary,
+        "results": [
+            {"id": r.id, "method": r.method, "parameters": r.parameters, "version": r.version, "state": r.state, "created": r.created}
+            for r in f.results
+        ],
+    }
+
+
+def _queue(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
+    params = with_options(METHODS[method].Params, options)
+    changed = {d.name: getattr(params, d.name) for d in describe(type(params)) if getattr(params, d.name) != d.default}
+    closed = [f for f in session.recordings if f.sha256]
+    if not closed:
+        raise InputError("the session has no closed recording to process")
+    result = results.wanted(db, closed[-1], method, changed, software_version())
+    if result.state == "queued":
+        parts.jobs.process(result.id)
+    return result
+
+
+async def _pieces(file: UploadFile, most: int) -> AsyncIterator[bytes]:
+    total = 0
+    while piece := await file.read(PIECE):
+        total += len(piece)
+        if total > most:
+            raise InputError(f"{file.filename} is larger than {most / 2**20:.0f} MB; split the recording")
+        yield piece

@@ -1,0 +1,38 @@
+"""What routes reach: the server's parts, made once by `create_app` and kept on the application."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends
+from sqlalchemy.orm import Session
+from starlette.requests import HTTPConnection
+
+from app.jobs import Jobs
+from app.live.stations import Stations
+from app.settings import Settings
+from sessions.store import Store
+
+
+@dataclass(frozen=True)
+class Parts:
+    settings: Settings
+    store: Store
+    jobs: Jobs
+    stations: Stations
+
+
+def parts(connection: HTTPConnection) -> Parts:
+    """The parts of the application that serves this request or web socket."""
+    found: Parts = connection.app.state.parts
+    return found
+
+
+def database(connection: HTTPConnection) -> Iterator[Session]:
+    """A database session for one request."""
+    with parts(connection).store.database() as db:
+        yield db
+
+
+PartsDep = Annotated[Parts, Depends(parts)]
+Db = Annotated[Session, Depends(database)]

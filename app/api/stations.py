@@ -1,0 +1,113 @@
+"""/api/stations: live sessions and replays as they run; /api/gloves: where gloves may be plugged in"""
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter, WebSocket
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.websockets import WebSocketDisconnect
+
+from app.api.state import PartsDep, parts
+from app.devices import ports
+from app.live.replay import Replay
+from app.live.stations import AnyStation
+from estimators.errors import InputError
+
+router = APIRouter(tags=["stations"])
+PULSE = 1 / 60  # s, least time between two messages to a viewer
+FULL = 0.1  # s between two whole snapshots to a viewer
+NO_SUCH, GONE = 4404, 1001  # web socket close codes
+
+
+class Wish(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    action: str = Field(max_length=40)
+    task: str = Field("", max_length=100)
+    reason: str = Field("", max_length=1000)
+    value: float | None = None
+
+
+@router.get("/gloves")
+def list_gloves(parts: PartsDep) -> list[dict[str, Any]]:
+    """Serial ports where a glove may be, virtual gloves of this server first."""
+    own = [{"path": p, "description": Path(p).name.replace("-", " "), "virtual": True} for p in parts.settings.demo_ports]
+    real = [{"path": p.path, "description": p.description, "virtual": False} for p in ports.available()]
+    return [{**port, "in_use": parts.stations.uses(str(port["path"]))} for port in (*own, *real)]
+
+
+@router.get("/stations")
+def list_stations(parts: PartsDep) -> list[dict[str, Any]]:
+    return [{"station": s.name, "kind": s.kind} for s in parts.stations.all()]
+
+
+@router.get("/stations/{name}")
+def read_station(parts: PartsDep, name: str) -> dict[str, Any]:
+    """Where the session stands."""
+    return parts.stations.get(name).snapshot()
+
+
+@router.post("/stations/{name}/actions")
+def act(parts: PartsDep, name: str, wish: Wish) -> dict[str, Any]:
+    """Tell the wizard or the replay what a person wants."""
+    station = parts.stations.get(name)
+    if isinstance(station, Replay):
+        station.act(wish.action, wish.value)
+    else:
+        station.act(wish.action, wish.task, wish.reason)
+    return station.snapshot()
+
+
+@router.delete("/stations/{name}", status_code=204)
+def close_station(parts: PartsDep, name: str) -> None:
+    """End a session (its recording is kept) or a replay."""
+    parts.stations.close(name)
+
+
+@router.websocket("/stations/{name}/live")
+async def live(websocket: WebSocket, name: str) -> None:
+    """JSON messages: {"full": snapshot} ten times a second, {"pulse": newest pose and curve points} with every pose."""
+    await websocket.accept()
+    try:
+        station = parts(websocket).stations.get(name)
+    except InputError:
+        await websocket.close(NO_SUCH, "no such station")
+        return
+    news, loop = asyncio.Event(), asyncio.get_running_loop()
+    leave = station.watch(lambda: loop.call_soon_threadsafe(news.set))
+    reader = asyncio.ensure_future(_until_gone(websocket))
+    try:
+        await _tell(websocket, station, news, reader)
+    except (WebSocketDisconnect, RuntimeError):
+        pass  # the viewer closed the page
+    finally:
+        reader.cancel()
+        leave()
+
+
+async def _tell(websocket: WebSocket, station: AnyStation, news: asyncio.Event, reader: "asyncio.Future[None]") -> None:
+    told_full, told_pulse, newest = -1.0, -1.0, -1e9
+    while not reader.done():
+        try:
+            await asyncio.wait_for(news.wait(), 1.0)
+        except TimeoutError:
+            continue
+        await asyncio.sleep(max(0.0, PULSE - (time.monotonic() - told_pulse)))
+        news.clear()
+        now = time.monotonic()
+        message: dict[str, Any] = {"pulse": station.pulse(newest)}
+        newest = message["pulse"]["points"][-1][0] if message["pulse"]["points"] else newest
+        if now - told_full >= FULL or station.ended:
+            message["full"], told_full = station.snapshot(), now
+        told_pulse = now
+        await websocket.send_json(message)
+        if station.ended:
+            await websocket.close(GONE, "the station was closed")
+            return
+
+
+async def _until_gone(websocket: WebSocket) -> None:
+    while (await websocket.receive())["type"] != "websocket.disconnect":
+        pass

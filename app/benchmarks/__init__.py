@@ -1,0 +1,37 @@
+"""Speed and memory of the hot paths, measured: `handscope bench`. A new benchmark is a file here and a line in the table."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One measured number with what is wanted of it."""
+
+    name: str
+    value: float
+    unit: str
+    target: float | None
+    better: Literal["higher", "lower"]
+
+    @property
+    def met(self) -> bool | None:
+        if self.target is None:
+            return None
+        return self.value >= self.target if self.better == "higher" else self.value <= self.target
+
+
+BENCHES = {
+    "batch": "m2 over recordings of 16 sensors at 100 Hz: times real time, memory",
+    "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
+    "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
+    "start": "start of the server to its first page",
+}
+
+
+def bench(name: str) -> Callable[[], list[Metric]]:
+    """The function that measures; imported when it is asked for."""
+    measure: Callable[[], list[Metric]] = import_module(f"app.benchmarks.{name}").measure
+    return measure

@@ -1,0 +1,72 @@
+"""m2 in batch: times real time over a minute and peak memory over ten."""
+
+import multiprocessing
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from app.benchmarks import Metric
+from estimators.hand_anatomy import SEGMENTS
+from estimators.hand_geometry import sized
+from estimators.methods import METHODS
+from estimators.processing import process
+from estimators.samples import Block, Event, Stream
+from estimators.simulation.scenario import Simulated, simulate
+from estimators.simulation.sensors import SensorErrors
+from sessions.recording import LoadedRecording
+
+SENSORS = tuple(s for s in SEGMENTS if s != "forearm")
+MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")
+REPEATS = 5
+SPEED_TARGET = {"m2": 500.0}
+MEMORY_TARGET = 300.0  # MB for ten minutes
+
+
+def measure() -> list[Metric]:
+    """Each method on one minute; memory on one and ten minutes in processes of their own."""
+    recording = _recording(MINUTE)
+    found = []
+    for name, method in METHODS.items():
+        params = method.Params()
+        seconds = []
+        for _ in range(REPEATS):
+            began = time.perf_counter()
+            process(method, params, recording)
+            seconds.append(time.perf_counter() - began)
+        length = recording.truth.t[-1]
+        found.append(Metric(f"{name} speed", length / statistics.median(seconds), "x real time", SPEED_TARGET.get(name), "higher"))
+    one, ten = _memory(1), _memory(10)
+    found.append(Metric("m2 memory of 10 min", ten, "MB", MEMORY_TARGET, "lower"))
+    found.append(Metric("m2 memory growth", (ten - one) / 9, "MB per min", None, "lower"))
+    return found
+
+
+def _recording(tasks: tuple[str, ...]) -> Simulated:
+    return simulate(tasks, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SENSORS)
+
+
+def _memory(minutes: int) -> float:
+    """Peak resident memory in MB of a process that only loads and processes a recording of so many minutes."""
+    recording = _recording(MINUTE + MINUTE[1:] * (minutes - 1))
+    block = recording.samples["imu"]
+    with tempfile.TemporaryDirectory() as folder:
+        np.save(f"{folder}/t.npy", block.t)
+        np.save(f"{folder}/values.npy", block.values)
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            return float(pool.apply(_peak, (folder, block.stream, recording.events)))
+
+
+def _peak(folder: str, stream: Stream, events: tuple[Event, ...]) -> float:
+    block = Block(stream, np.load(f"{folder}/t.npy"), np.load(f"{folder}/values.npy"))
+    recording = LoadedRecording("left", sized("left"), {}, {stream.name: block}, events)
+    process(METHODS["m2"], METHODS["m2"].Params(), recording)
+    return _high_water()
+
+
+def _high_water() -> float:
+    """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
+    status = Path("/proc/self/status").read_text()
+    return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM"))) / 1024

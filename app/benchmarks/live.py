@@ -1,0 +1,77 @@
+"""Live: 17 sensors at 200 Hz, one station, four viewers on real web sockets: latency from a sample to the viewer, CPU of the server.
+
+A sample's age is taken when its message is in the viewer's hands: the recording's clock is the glove's, and the least age ever seen of any
+burst on arrival at the server defines its zero, as in sessions.clock_mapping; what the glove itself held back (its burst) counts.
+"""
+
+import asyncio
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from websockets.asyncio.client import connect
+
+from app.benchmarks import Metric
+from app.benchmarks.server_under_test import Client, act, begin_tasks, glove, server
+
+RATE = 200
+VIEWERS = 4
+SECONDS = 20.0
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def measure() -> list[Metric]:
+    """Latency and CPU while the tapping task runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        port = Path(folder) / "glove"
+        with glove(port, "--rate", str(RATE)), server(Path(folder) / "data") as (address, pid):
+            client = Client(address)
+            station = begin_tasks(client, port)
+            act(client, station, "choose", task="tapping")
+            act(client, station, "start")
+            before, began = _cpu(pid), time.monotonic()
+            ages = asyncio.run(_watch(client, station))
+            cpu = (_cpu(pid) - before) / (time.monotonic() - began)
+            lost = sum(s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"])
+            act(client, station, "stop")
+            client.call("DELETE", f"/api/stations/{station}")
+    return [
+        Metric("sample to web socket, median", float(np.median(ages)), "ms", None, "lower"),
+        Metric("sample to web socket, p99", float(np.percentile(ages, 99)), "ms", 50.0, "lower"),
+        Metric("messages per viewer", len(ages) / VIEWERS / SECONDS, "per s", None, "higher"),
+        Metric("CPU of the server's processes", cpu, "cores", 1.0, "lower"),
+        Metric("samples lost", float(lost), "samples", 0.0, "lower"),
+    ]
+
+
+async def _watch(client: Client, station: str) -> list[float]:
+    return [age for ages in await asyncio.gather(*(_viewer(client, station) for _ in range(VIEWERS))) for age in ages]
+
+
+async def _viewer(client: Client, station: str) -> list[float]:
+    """Ages (ms) of the newest sample of every message, as the viewer receives it."""
+    url = client.base.replace("http", "ws") + f"/api/stations/{station}/live"
+    ages, until = [], time.monotonic() + SECONDS
+    async with connect(url, additional_headers={"Cookie": client.cookie}, origin=client.base, compression=None, proxy=None) as socket:  # type: ignore[arg-type]
+        while time.monotonic() < until:
+            message = json.loads(await socket.recv())
+            pulse = message["pulse"]
+            if pulse["row_age_ms"] is not None:
+                ages.append(pulse["row_age_ms"] + 1e3 * (time.monotonic() - pulse["told"]))
+    return ages
+
+
+def _cpu(pid: int) -> float:
+    """CPU seconds of a process and its children so far."""
+    total = 0.0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        if int(path.parent.name) == pid or int(fields[1]) == pid:
+            total += (int(fields[11]) + int(fields[12])) / TICKS
+    return total

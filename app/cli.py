@@ -1,0 +1,58 @@
+"""The command line: `handscope VERB ...`. A user's mistake is one line on standard error and exit code 2."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+from app.version import software_version
+from estimators.errors import InputError
+
+VERBS = {
+    "demo": "serve with a virtual glove and a demonstration patient",
+    "serve": "serve pages, API and 3-D scene",
+    "login": "print a new one-time address for a server that runs",
+    "glove": "a virtual glove behind a pseudo-terminal",
+    "record": "record a glove without the pages, with the live tracker running",
+    "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",
+    "process": "run a method over a recording",
+    "assess": "measures of a recording as JSON and CSV, and a report",
+    "info": "say what a recording holds and what was cut",
+    "export": "write any recording as Motion-BIDS",
+    "bench": "speed and memory of the hot paths",
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run a command; the exit code."""
+    given = list(sys.argv[1:] if words is None else words)
+    parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--version", action="version", version=f"handscope {software_version()}")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
+    wanted = next((w for w in given if not w.startswith("-")), "")
+    for verb, meaning in VERBS.items():
+        sub = verbs.add_parser(verb, help=meaning, description=meaning, formatter_class=argparse.RawDescriptionHelpFormatter)
+        if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
+            module = import_module(f"app.commands.{verb}")
+            module.add(sub)
+            sub.set_defaults(run=module.run)
+    arguments = parser.parse_args(given)
+    try:
+        return int(arguments.run(arguments) or 0)
+    except InputError as mistake:
+        print(f"handscope {arguments.verb}: {mistake}", file=sys.stderr)  # noqa: T201  the user's answer
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,48 @@
+"""`handscope assess`: the measures of a recording as JSON and CSV, and a report."""
+
+import argparse
+from datetime import UTC, datetime
+from pathlib import Path
+
+from app.commands.words import add_method, add_recording, method_of, output_folder, progress_bar, say
+from app.protocols import load_all
+from app.version import software_version
+from estimators.errors import InputError
+from estimators.measures.assessment import assess
+from estimators.processing import process
+from sessions import formats
+from sessions.writing import save_file, save_folder
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    add_recording(parser)
+    add_method(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for figures.json and figures.csv")
+    parser.add_argument("--report", type=Path, metavar="FILE.pdf", help="write the report there")
+    parser.add_argument("--patient", default="", metavar="PSEUDONYM", help="printed on the report; never a name")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from app.report import FORMS
+    from app.report.content import Visit, content
+
+    if arguments.report and arguments.report.suffix != ".pdf":
+        raise InputError(f"--report {arguments.report} does not end in .pdf")
+    method, params = method_of(arguments)
+    recording = formats.load(arguments.recording, arguments.hand)
+    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
+    hear, close = progress_bar("processing")
+    try:
+        processed = process(method, params, recording, other, hear)
+    finally:
+        close()
+    tasks = assess(processed.trajectory, recording.events)
+    visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
+    made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
+    save_folder({"figures.json": FORMS["json"](made), "figures.csv": FORMS["csv"](made)}, output_folder(arguments.out))
+    if arguments.report:
+        save_file(FORMS["pdf"](made), arguments.report)
+    for warning in processed.warnings:
+        say(f"warning: {warning}")
+    say(f"{sum(len(t.figures) for t in tasks)} figures of {len(tasks)} measures: {arguments.out}")
+    return 0

@@ -1,0 +1,66 @@
+"""`handscope demo`: serve with virtual gloves and a demonstration patient; nothing but a browser is needed."""
+
+import argparse
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from app.commands import serve
+from app.commands.words import say
+from estimators.errors import InputError
+from sessions import patients
+from sessions.store import open_store
+from sessions.tables import Patient
+
+GLOVES = ("left", "right")
+WAIT = 10.0  # s for the virtual gloves to come up
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    serve.add(parser)
+    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    store = open_store(arguments.data, arguments.database)
+    with store.database() as db:
+        if db.query(Patient).count() == 0:
+            patients.create(
+                db,
+                "Demo patient",
+                dominant_hand="right",
+                affected_hand="left",
+                year_of_birth=1960,
+                notes="A simulated person with a virtual glove on either hand.",
+            )
+    gloves = arguments.data / "gloves"
+    gloves.mkdir(exist_ok=True)
+    paths = [gloves / f"virtual-{hand}-glove" for hand in GLOVES]
+    processes = [_glove(path, hand, seed) for seed, (path, hand) in enumerate(zip(paths, GLOVES))]
+    try:
+        _wait(paths, processes)
+        serve.serve(arguments, tuple(str(p) for p in paths), browser=not arguments.no_browser)
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait()
+        for path in paths:
+            path.unlink(missing_ok=True)
+    say("stopped")
+    return 0
+
+
+def _glove(path: Path, hand: str, seed: int) -> "subprocess.Popen[bytes]":
+    path.unlink(missing_ok=True)
+    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(path), "--hand", hand, "--seed", str(seed)]
+    return subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+
+
+def _wait(paths: list[Path], processes: "list[subprocess.Popen[bytes]]") -> None:
+    until = time.monotonic() + WAIT
+    while not all(path.is_symlink() for path in paths):
+        if time.monotonic() > until or any(p.poll() is not None for p in processes):
+            raise InputError("the virtual gloves did not start; does this system have pseudo-terminals?")
+        time.sleep(0.05)

@@ -1,0 +1,163 @@
+"""`handscope glove`: a virtual glove behind a pseudo-terminal that speaks the wire protocol of a real one."""
+
+import argparse
+import select
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.commands.words import say
+from app.devices.virtual_glove import terminal
+from app.devices.virtual_glove.faults import FaultParams, Faults
+from app.devices.virtual_glove.firmware import Build, Firmware
+from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
+from estimators.errors import InputError
+from estimators.hand_anatomy import FINGERS, HANDS
+from estimators.hand_geometry import sized
+from estimators.simulation import tasks
+from estimators.simulation.sensors import SensorErrors
+from sessions import formats
+from sessions.wire.messages import Format
+
+ALL_STRIPS = (*FINGERS, "forearm")
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--pty", type=Path, required=True, metavar="PATH", help="where the port appears: a link to a pseudo-terminal")
+    parser.add_argument("--hand", choices=HANDS, default="left")
+    parser.add_argument(
+        "--strips",
+        default="all",
+        metavar="NAMES",
+        help=f"all, none, or some of {','.join(ALL_STRIPS)}; the hand's base unit is always there",
+    )
+    parser.add_argument(
+        "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"
+    )
+    parser.add_argument("--format", choices=("int16", "float32"), default=None, help="how samples travel (int16; float32 for --replay)")
+    parser.add_argument("--seed", type=int, default=0)
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--task", metavar="T", help=f"what the built-in patient does over and over: {', '.join(tasks.TASKS)}; without it, what it is told"
+    )
+    what.add_argument("--replay", type=Path, metavar="RECORDING", help="play any recording")
+    parser.add_argument("--speed", type=float, default=1.0, help="of time, for --replay (1)")
+    faults = parser.add_argument_group("faults")
+    faults.add_argument("--loss", type=_share, default=0.0, metavar="P", help="share of frames lost")
+    faults.add_argument("--repeat", type=_share, default=0.0, metavar="P", help="share of frames sent twice")
+    faults.add_argument("--corrupt", type=_share, default=0.0, metavar="P", help="share of frames with a flipped bit")
+    faults.add_argument("--garbage", type=_share, default=0.0, metavar="P", help="share of frames followed by random bytes")
+    faults.add_argument("--delay", type=float, default=0.0, metavar="S", help="hold everything back for S seconds every 3 s")
+    faults.add_argument("--drift", type=float, default=0.0, metavar="PPM", help="drift of the glove's clock")
+    faults.add_argument("--saturate", type=float, metavar="DEG/S", help="full scale of the gyroscopes")
+    faults.add_argument("--pull", action="append", default=[], metavar="STRIP@T", help="pull a strip T seconds after the start")
+    faults.add_argument("--plug", action="append", default=[], metavar="STRIP@T", help="plug it in again")
+    faults.add_argument("--unplug", action="append", default=[], metavar="T[:S]", help="pull the cable at T, for S seconds (for good)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    rng = np.random.default_rng(arguments.seed)
+    wearer = _wearer(arguments, rng)
+    kind = arguments.format or ("float32" if arguments.replay else "int16")
+    build = Build(
+        device_id=0x5C09E0 + arguments.seed, drift=arguments.drift * 1e-6, format=Format.INT16 if kind == "int16" else Format.FLOAT32
+    )
+    script = terminal.Script(_actions(arguments))
+    faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
+    say(
+        f"{arguments.hand if not arguments.replay else wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}"
+    )
+    if sys.stdin is not None and sys.stdin.isatty():
+        say("type: pull STRIP, plug STRIP, unplug SECONDS, task NAME")
+    powered = [0]
+
+    def power_up() -> Firmware:
+        powered[0] += 1
+        if powered[0] > 1 and isinstance(wearer, SimulatedPerson):
+            wearer.__post_init__()
+        return Firmware(wearer, replace(build, boot_id=int(rng.integers(1, 2**31))), rng)
+
+    terminal.serve(arguments.pty, power_up, faults, script, arguments.speed, _typing(script))
+    return 0
+
+
+def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
+    if arguments.replay:
+        return Playback(formats.load(arguments.replay))
+    strips = ALL_STRIPS if arguments.strips == "all" else () if arguments.strips == "none" else tuple(arguments.strips.split(","))
+    common, single = _rates(arguments.rate)
+    streams = tuple(replace(s, rate=single.get(s.name, common)) for s in layout(strips, common))
+    unknown = set(single) - {s.name for s in streams}
+    if unknown:
+        raise InputError(f"--rate names the strip {unknown.pop()!r}, which is not plugged in")
+    errors = SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
+    limit = float(np.radians(errors.gyr_range))
+    streams = tuple(replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in streams)
+    person = SimulatedPerson(arguments.hand, sized(arguments.hand), streams, rng, errors)
+    if arguments.task is not None:
+        if arguments.task not in tasks.TASKS:
+            raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(tasks.TASKS)}")
+        person.repeat = arguments.task
+    return person
+
+
+def _rates(words: list[str]) -> tuple[float, dict[str, float]]:
+    common, single = 100.0, {}
+    for word in words:
+        name, equals, value = word.rpartition("=")
+        try:
+            rate = float(value)
+        except ValueError:
+            raise InputError(f"--rate {word!r} is not a number of Hz or STRIP=HZ") from None
+        if not 1 <= rate <= 1000:
+            raise InputError(f"--rate {word!r} is outside 1 to 1000 Hz")
+        if equals:
+            single[name] = rate
+        else:
+            common = rate
+    return common, single
+
+
+def _actions(arguments: argparse.Namespace) -> list[terminal.Action]:
+    actions = []
+    for verb in ("pull", "plug"):
+        for word in getattr(arguments, verb):
+            name, at, t = word.partition("@")
+            if not at:
+                raise InputError(f"--{verb} {word!r} is not of the form STRIP@SECONDS")
+            actions.append(terminal.Action(_seconds(t, f"--{verb}"), verb, name))
+    for word in arguments.unplug:
+        t, _, length = word.partition(":")
+        actions.append(terminal.Action(_seconds(t, "--unplug"), "unplug", length and str(_seconds(length, "--unplug"))))
+    return actions
+
+
+def _typing(script: terminal.Script) -> Callable[[], bool]:
+    """Looks for typed lines whenever asked whether to stop; never stops of itself."""
+    began = time.monotonic()
+    watched = sys.stdin is not None and sys.stdin.isatty()
+
+    def look() -> bool:
+        if watched and select.select([sys.stdin], [], [], 0)[0]:
+            script.actions += terminal.typed([sys.stdin.readline()], time.monotonic() - began)
+        return False
+
+    return look
+
+
+def _share(word: str) -> float:
+    value = float(word)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{word} is not between 0 and 1")
+    return value
+
+
+def _seconds(word: str, option: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(f"{option}: {word!r} is not a number of seconds") from None

@@ -1,0 +1,30 @@
+"""`handscope info`: what a recording holds and what was cut."""
+
+import argparse
+
+from app.commands.words import add_recording, say
+from sessions import formats
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    add_recording(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    recording = formats.load(arguments.recording, arguments.hand)
+    say(
+        f"{recording.hand} hand, {recording.duration:.3f} s, {recording.source.get('format', '')} {recording.source.get('device', '')}".rstrip()
+    )
+    for name, block in recording.samples.items():
+        s = block.stream
+        lost = recording.losses.get(name)
+        say(
+            f"  {name}: {len(block.t)} samples of {', '.join(s.sensors)} ({', '.join(s.quantities)}) at {s.rate:g} Hz{f', {lost} lost' if lost else ''}"
+        )
+    for event in recording.events:
+        details = " ".join(f"{k}={v}" for k, v in event.details.items())
+        say(f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip())
+    for warning in recording.warnings:
+        say(f"warning: {warning}")
+    say(f"sha256 {recording.checksum}")
+    return 0

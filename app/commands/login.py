@@ -1,0 +1,22 @@
+"""`handscope login`: print a new one-time address for a server that runs."""
+
+import argparse
+from pathlib import Path
+
+from app.api.access import new_token
+from app.commands.serve import default_data
+from app.commands.words import say
+from estimators.errors import InputError
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    try:
+        base = (arguments.data / "address").read_text().strip()
+    except OSError:
+        raise InputError(f"no server has run on the data folder {arguments.data}; start one with: handscope serve") from None
+    say(f"{base}/login?token={new_token(arguments.data)}")
+    return 0

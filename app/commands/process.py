@@ -1,0 +1,34 @@
+"""`handscope process`: run a method over a recording and write the derivative of spec 04."""
+
+import argparse
+from pathlib import Path
+
+from app.commands.words import add_method, add_recording, method_of, output_folder, progress_bar, say
+from app.version import software_version
+from estimators.processing import process
+from sessions import derivative, formats
+from sessions.writing import save_folder
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    add_recording(parser)
+    add_method(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the derivative")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    method, params = method_of(arguments)
+    recording = formats.load(arguments.recording, arguments.hand)
+    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
+    hear, close = progress_bar("processing")
+    try:
+        processed = process(method, params, recording, other, hear)
+    finally:
+        close()
+    files = derivative.tree(processed, recording, arguments.method, params, software_version())
+    save_folder(files, output_folder(arguments.out))
+    for warning in processed.warnings:
+        say(f"warning: {warning}")
+    name = next(n for n in files if n.endswith("_motion.tsv"))
+    say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out / name}")
+    return 0

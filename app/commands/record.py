@@ -1,0 +1,112 @@
+"""`handscope record`: record a glove without the pages; the live tracker runs as in a station and calibrates on the glove's own marks."""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+from app.commands.words import add_method, method_of, output_folder, progress_bar, say
+from app.devices.glove import Glove
+from app.live.tracking import Tracking
+from app.version import software_version
+from estimators import initial_pose, trajectory
+from estimators.errors import InputError
+from estimators.hand_anatomy import HANDS
+from estimators.hand_geometry import measures_from, sized
+from estimators.processing import Processed
+from estimators.trajectory import Trajectory
+from sessions import derivative, formats
+from sessions.writing import save_folder
+
+OPEN_WAIT = 5.0  # s for the port and the first samples
+SILENCE = 2.0  # s without a sample that end a recording
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("port", help="the glove's serial port")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.mcap", help="the native recording")
+    parser.add_argument("--seconds", type=float, metavar="S", help="how long (default: until the glove falls silent or Ctrl-C)")
+    parser.add_argument("--hand", choices=HANDS, help="where the glove does not say")
+    parser.add_argument("--geometry", type=Path, metavar="FILE.json", help="hand measures, as HandGeometry of the Motion-BIDS contract")
+    parser.add_argument("--live", type=Path, metavar="DIR", help="write the trajectory of the live tracker as a derivative")
+    add_method(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    method, params = method_of(arguments)
+    geometry = _geometry(arguments.geometry)
+    if arguments.out.suffix != ".mcap" or arguments.out.exists():
+        raise InputError(f"--out {arguments.out} must be a new file that ends in .mcap")
+    live = output_folder(arguments.live) if arguments.live else None
+    rows: list[Trajectory] = []
+    metadata = {
+        "software": software_version(),
+        "port": arguments.port,
+        "geometry": geometry,
+        **({"hand": arguments.hand} if arguments.hand else {}),
+    }
+    tracking: Tracking | None = None
+
+    with Glove(arguments.port, arguments.out, metadata, lambda blocks: tracking.feed(blocks) if tracking else None) as glove:
+        hand = _connected(glove, arguments)
+        with Tracking(method, params, hand, sized(hand, measures_from(geometry)), rows.append) as tracking:
+            _follow(glove, tracking, arguments.seconds)
+            tracking.drain()
+    recording = formats.load(arguments.out, arguments.hand)
+    say(f"{recording.duration:.1f} s of {', '.join(s.name for s in recording.streams)}: {arguments.out}")
+    for warning in recording.warnings:
+        say(f"warning: {warning}")
+    if live is not None and tracking.calibration is not None:
+        shown = Processed(trajectory.join(rows, hand), (tracking.calibration,), recording.warnings)
+        save_folder(derivative.tree(shown, recording, arguments.method, params, software_version()), live)
+        say(f"{len(shown.trajectory)} live samples: {live}")
+    return 0
+
+
+def _geometry(path: Path | None) -> dict[str, object]:
+    if path is None:
+        return {}
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError) as problem:
+        raise InputError(f"{path} cannot be read as JSON: {problem}") from None
+    measures_from(value)
+    return dict(value)
+
+
+def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-untyped-def]
+    if not glove.wait_for(lambda g: g.state.state != "opening", OPEN_WAIT):
+        raise InputError(f"{arguments.port} did not answer")
+    if glove.state.state != "opened":
+        raise InputError(glove.state.reason)
+    if not glove.wait_for(lambda g: bool(g.assembler.streams) and g.assembler.identity is not None, OPEN_WAIT):
+        raise InputError(f"{arguments.port} is open, but no glove speaks there; is it the right port?")
+    hand = arguments.hand or (glove.assembler.identity.hand if glove.assembler.identity else None)
+    if hand is None:
+        raise InputError("the glove does not say which hand it is; give --hand left or --hand right")
+    return hand
+
+
+def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> None:
+    """Until the time is over or the glove silent; initial poses that the glove marks are used as soon as they are complete."""
+    began, newest, heard, used = time.monotonic(), -1.0, time.monotonic(), 0
+    hear, close = progress_bar("recording")
+    try:
+        while seconds is None or time.monotonic() - began < seconds:
+            glove.wait_for(lambda g: False, 0.1)
+            hear(min(1.0, (time.monotonic() - began) / seconds) if seconds else 0.0)
+            if glove.state.state == "recording_failed":
+                raise InputError(f"the recording stopped: {glove.state.reason}")
+            if tracking.newest_sample() > newest:
+                newest, heard = tracking.newest_sample(), time.monotonic()
+            elif time.monotonic() - heard > SILENCE:
+                return
+            poses = [m for m in glove.assembler.marks if m.trial_type == "initial_pose"]
+            if len(poses) > used and newest > poses[used].end + 0.05:
+                tracking.mounting = glove.assembler.mounting
+                tracking.calibrate(initial_pose.pose_of(poses[used]))
+                used += 1
+    except KeyboardInterrupt:
+        return
+    finally:
+        close()

@@ -1,0 +1,88 @@
+"""`handscope serve`: pages, API and 3-D scene on one port."""
+
+import argparse
+import logging
+import os
+import socket
+import sys
+import webbrowser
+from pathlib import Path
+
+import uvicorn
+
+from app.api.access import new_token
+from app.commands.words import say
+from app.server import create_app
+from app.settings import Settings
+from estimators.errors import InputError
+
+DEFAULT_PORT = 8420
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--host", default="127.0.0.1", metavar="H", help="address to listen on (loopback unless told otherwise)")
+    parser.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="P", help=f"port ({DEFAULT_PORT}; 0 takes a free one)")
+    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="data folder (%(default)s)")
+    parser.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+    parser.add_argument("--name", action="append", default=[], metavar="HOST", help="another name under which browsers reach the server")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    serve(arguments, (), browser=False)
+    return 0
+
+
+def default_data() -> Path:
+    """Where data is kept when nobody says: HANDSCOPE_DATA, or a folder in the user's home."""
+    return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / "handscope-data")
+
+
+def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
+    """Listen, print the address with a one-time token, serve until stopped."""
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+    settings = Settings(
+        data=arguments.data,
+        host=arguments.host,
+        port=arguments.port,
+        database_url=arguments.database,
+        hosts=tuple(arguments.name),
+        demo_ports=demo_ports,
+    )
+    listener = _listen(arguments.host, arguments.port)
+    app = create_app(settings)
+    name = f"[{arguments.host}]" if ":" in arguments.host else arguments.host if arguments.host not in ("0.0.0.0", "::") else "127.0.0.1"
+    base = f"http://{name}:{listener.getsockname()[1]}"
+    (arguments.data / "address").write_text(base + "\n")
+    address = f"{base}/login?token={new_token(arguments.data)}"
+    say(
+        f"Handscope is at  {address}\nThe address works once; print another with: handscope login --data {arguments.data}\nResearch use; not a medical device. Stop with Ctrl-C."
+    )
+    if browser:
+        webbrowser.open(address)
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        ws="websockets-sansio",
+        timeout_graceful_shutdown=5,
+        server_header=False,
+        proxy_headers=False,
+    )
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port {port} is outside 0 to 65535")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    if sys.platform != "win32":
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+    except OSError as problem:
+        listener.close()
+        raise InputError(f"cannot listen on {host} port {port} ({problem.strerror}); is another server running? try --port 0") from None
+    listener.listen(128)
+    listener.set_inheritable(True)
+    return listener

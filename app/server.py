@@ -1,0 +1,84 @@
+"""The server: pages, API and 3-D scenes on one port under one login."""
+
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import anyio.to_thread
+from fastapi import FastAPI
+from starlette.middleware import Middleware
+from starlette.staticfiles import StaticFiles
+
+from app.api import errors, login, methods, pages, patients, results, sessions, stations
+from app.api.access import Gate
+from app.api.state import Parts
+from app.jobs import Jobs
+from app.live.station import Station
+from app.live.stations import Stations
+from app.settings import Settings
+from app.version import software_version
+from estimators.errors import InputError
+from sessions import records
+from sessions.store import Store, open_store
+
+log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """Build everything from the settings; parts that run are opened and closed with the application."""
+    store = open_store(settings.data, settings.database_url)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        with Jobs(store) as jobs, Stations(lambda station: _finished(app.state.parts, station)) as open_stations:
+            app.state.parts = Parts(settings, store, jobs, open_stations)
+            await anyio.to_thread.run_sync(_recover, app.state.parts)
+            yield
+            await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
+
+    app = FastAPI(
+        title="Handscope",
+        version=software_version(),
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
+        middleware=[Middleware(Gate, store=store, settings=settings)],
+    )
+    errors.install(app)
+    for module in (patients, sessions, results, stations, methods, login):
+        app.include_router(module.router, prefix="/api")
+    app.include_router(login.pages)
+    app.include_router(pages.router)
+    app.mount("/static", StaticFiles(directory=pages.STATIC), name="static")
+    return app
+
+
+def _finished(parts: Parts, station: Station) -> None:
+    """A live session ended: keep what its recording holds and process it."""
+    _close(parts, station.setup.session, station.setup.method_name, {})
+
+
+def _recover(parts: Parts) -> None:
+    """Sessions that a server that stopped left open are closed with what their recordings hold."""
+    with parts.store.database() as db:
+        left = [session.id for session in records.abandoned(db)]
+    for session in left:
+        _close(parts, session, "m2", {})
+
+
+def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) -> None:
+    with parts.store.database() as db:
+        try:
+            session = records.close(db, parts.store, session_id)
+            if session.state == "recorded":
+                sessions.queue_session(db, parts, session, method, options)
+        except InputError as problem:
+            log.warning("session %s: %s", session_id, problem)
+
+
+def store_of(app: FastAPI) -> Store:
+    """The store of a running application."""
+    found: Parts = app.state.parts
+    return found.store

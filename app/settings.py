@@ -1,0 +1,16 @@
+"""What a server is started with; `create_app` builds everything from it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    data: Path
+    host: str = "127.0.0.1"
+    port: int = 8420
+    database_url: str | None = None
+    hosts: tuple[str, ...] = ()  # names under which the server may be addressed besides its own
+    demo_ports: tuple[str, ...] = field(default=())  # ports of virtual gloves that this program put up
+    idle_logout: float = 12 * 3600.0  # s without a request after which a login ends
+    largest_upload: int = 512 * 2**20  # bytes

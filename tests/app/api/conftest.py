@@ -1,0 +1,48 @@
+"""A server in this process and a client that is logged in."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from app.api.access import new_token
+from app.server import create_app
+from app.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    return Settings(data=tmp_path_factory.mktemp("data"), largest_upload=8 * 2**20)
+
+
+@pytest.fixture(scope="module")
+def server(settings: Settings) -> Iterator[TestClient]:
+    """A client without a login; the server's parts run while the module's tests do."""
+    with TestClient(create_app(settings), base_url="http://127.0.0.1:8420", follow_redirects=False) as client:
+        yield client
+
+
+@pytest.fixture
+def client(server: TestClient, settings: Settings) -> Iterator[TestClient]:
+    """A logged-in client."""
+    answer = server.post("/api/login", json={"token": new_token(settings.data)})
+    assert answer.status_code == 204
+    yield server
+    server.cookies.clear()
+
+
+@pytest.fixture
+def patient(client: TestClient) -> int:
+    """A new patient's id."""
+    patient_with_name.count += 1
+    return int(client.post("/api/patients", json={"pseudonym": f"P-{patient_with_name.count}"}).json()["id"])
+
+
+class patient_with_name:  # noqa: N801  a counter for pseudonyms
+    count = 0
+
+
+def files_in(settings: Settings) -> set[str]:
+    """What lies in the folders of recordings."""
+    return {p.name for folder in ("recordings", "incoming") for p in Path(settings.data, folder).iterdir()}

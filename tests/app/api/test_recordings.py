@@ -1,0 +1,192 @@
+"""Uploads, results and exports over the API: real files, a real process for long work."""
+
+import io
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from app.settings import Settings
+from estimators.hand_anatomy import FINGERS
+from sessions import motion_bids
+from sessions.motion_bids import writer
+from sessions.recording import LoadedRecording
+from tests.app.api.conftest import files_in
+from tests.simulated import pose_and_wiggle
+
+
+@pytest.fixture(scope="module")
+def recording() -> LoadedRecording:
+    made = pose_and_wiggle("left")
+    return LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events, source={"device": "simulated"})
+
+
+@pytest.fixture(scope="module")
+def packed(recording: LoadedRecording) -> bytes:
+    return writer.packed(writer.tree(recording, "01", "wiggle"))
+
+
+def upload(client: TestClient, patient: int, data: bytes, name: str = "r.zip", **form: str) -> Any:
+    return client.post(f"/api/patients/{patient}/recordings", files={"file": (name, data)}, data=form)
+
+
+def finished(client: TestClient, result: int) -> dict[str, Any]:
+    until = time.monotonic() + 60
+    while (found := client.get(f"/api/results/{result}").json())["state"] in ("queued", "running"):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    return dict(found)
+
+
+def changed(packed: bytes, name: str, change: Any) -> bytes:
+    """The zip with one file's bytes changed."""
+    files = {}
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        for entry in archive.namelist():
+            files[entry] = change(archive.read(entry)) if entry.endswith(name) else archive.read(entry)
+    return writer.packed(files)
+
+
+def test_an_upload_becomes_a_session_with_figures_and_exports(client: TestClient, patient: int, packed: bytes, settings: Settings) -> None:
+    made = upload(client, patient, packed)
+    assert made.status_code == 201, made.text
+    result = finished(client, made.json()["result"])
+    assert (result["state"], result["error"]) == ("done", "")
+    assert {f["name"] for f in result["figures"]} >= {"index_pip_flexion_max", "thumb_ip_flexion_range"}
+    session = client.get(f"/api/sessions/{made.json()['session']}").json()
+    assert (session["state"], session["hand"], session["source"], session["tasks"]) == ("processed", "left", "upload", ["wiggle"])
+    file = session["recordings"][0]
+    kept = client.get(f"/api/recordings/{file['id']}/file")
+    assert kept.content == packed
+    base = f"/api/results/{result['id']}"
+    assert client.get(f"{base}/report.pdf").content.startswith(b"%PDF")
+    assert b"index_pip_flexion_max" in client.get(f"{base}/report.csv").content
+    assert client.get(f"{base}/report.json").json()
+    assert client.get(f"{base}/report.docx").status_code == 404
+    with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/derivative.zip").content)) as derivative:
+        assert any(name.endswith("_tracksys-handscope_desc-m2_motion.tsv") for name in derivative.namelist())
+
+
+def test_curves_are_thinned_and_in_units_for_people(client: TestClient, patient: int, packed: bytes) -> None:
+    result = finished(client, upload(client, patient, packed).json()["result"])
+    curves = client.get(f"/api/results/{result['id']}/curves", params={"what": ["index_pip_flexion", "aperture"], "points": 50}).json()
+    assert len(curves["t"]) <= 50
+    flexion = np.array(curves["curves"]["index_pip_flexion"], float)
+    assert 55 < flexion.max() < 75  # 28 deg at rest and 35 more
+    assert 20 < np.array(curves["curves"]["aperture"], float).mean() < 150
+    refused = client.get(f"/api/results/{result['id']}/curves", params={"what": "elbow"})
+    assert (refused.status_code, "no curve 'elbow'" in refused.json()["error"]) == (404, True)
+
+
+def test_the_same_method_and_options_give_the_result_that_is_there(client: TestClient, patient: int, packed: bytes) -> None:
+    made = upload(client, patient, packed).json()
+    again = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": {}}).json()
+    assert again["result"] == made["result"]
+    other = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": {"alignment": "heading"}}).json()
+    assert other["result"] != made["result"]
+    assert finished(client, other["result"])["parameters"] == {"alignment": "heading"}
+    for options, sentence in (({"speed": 1}, "no option 'speed'"), ({"alignment": "best"}, "one of full, heading")):
+        refused = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": options})
+        assert sentence in refused.json()["error"]
+
+
+def test_a_replay_moves_along_its_time_line(client: TestClient, patient: int, packed: bytes) -> None:
+    result = finished(client, upload(client, patient, packed).json()["result"])
+    station = client.post(f"/api/results/{result['id']}/replay").json()["station"]
+    assert client.post(f"/api/results/{result['id']}/replay").json()["station"] == station
+    told = client.get(f"/api/stations/{station}").json()["replay"]
+    assert told["playing"] is False
+    moved = client.post(f"/api/stations/{station}/actions", json={"action": "seek", "value": 8.0}).json()["replay"]
+    assert moved["t"] == 8.0
+    with client.websocket_connect(
+        f"ws://127.0.0.1:8420/api/stations/{station}/live", headers={"Origin": "http://127.0.0.1:8420"}
+    ) as socket:
+        client.post(f"/api/stations/{station}/actions", json={"action": "play"})
+        times = [socket.receive_json()["pulse"]["t"] for _ in range(10)]
+    assert times[-1] > 8.0
+    assert client.post(f"/api/stations/{station}/actions", json={"action": "fly"}).status_code == 404
+    assert client.delete(f"/api/stations/{station}").status_code == 204
+    assert client.get(f"/api/stations/{station}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "sentence"),
+    [
+        ("r.zip", lambda z: b"hello", "neither a folder, a zip nor a native recording"),
+        ("r.zip", lambda z: z[: len(z) // 2], "cut off"),
+        ("r.mcap", lambda z: b"hello", "no Handscope recording"),
+        ("r.zip", lambda z: changed(z, "imu_channels.tsv", lambda t: t.replace(b"rad/s", b"rpm")), "unknown unit 'rpm'"),
+        ("r.zip", lambda z: changed(z, "imu_motion.tsv", lambda t: b""), "0 samples"),
+        ("r.zip", lambda z: changed(z, "motion.json", lambda t: t.replace(b'"left"', b'"third"')), "left or right"),
+        ("r.zip", lambda z: changed(z, "imu_motion.json", lambda t: t.replace(b'"left"', b'"right"')), "two hands"),
+    ],
+)
+def test_a_bad_upload_says_what_is_wrong_and_leaves_nothing(
+    client: TestClient, patient: int, packed: bytes, settings: Settings, name: str, spoil: Any, sentence: str
+) -> None:
+    files, sessions = files_in(settings), client.get(f"/api/patients/{patient}").json()["sessions"]
+    answer = upload(client, patient, spoil(packed), name)
+    assert answer.status_code == 422
+    assert sentence in answer.json()["error"]
+    assert files_in(settings) == files
+    assert client.get(f"/api/patients/{patient}").json()["sessions"] == sessions
+
+
+def test_a_recording_without_initial_pose_is_kept_and_its_result_says_what_is_missing(
+    client: TestClient, patient: int, recording: LoadedRecording
+) -> None:
+    without = recording.with_events(tuple(e for e in recording.events if e.trial_type != "initial_pose"))
+    made = upload(client, patient, writer.packed(writer.tree(without, "01", "wiggle")))
+    result = finished(client, made.json()["result"])
+    assert result["state"] == "failed"
+    assert "no initial_pose event" in result["error"]
+    assert client.get(f"/api/results/{result['id']}/report.pdf").status_code == 422
+
+
+def test_a_hand_that_contradicts_the_recording_is_refused(client: TestClient, patient: int, packed: bytes) -> None:
+    answer = upload(client, patient, packed, hand="right")
+    assert answer.status_code == 422
+    assert "recorded on the left hand, not on the right one" in answer.json()["error"]
+
+
+def test_an_upload_that_is_too_large_is_refused_while_it_comes(client: TestClient, patient: int, settings: Settings) -> None:
+    before = files_in(settings)
+    answer = upload(client, patient, bytes(settings.largest_upload + 1))
+    assert answer.status_code == 422
+    assert "larger than 8 MB" in answer.json()["error"]
+    assert files_in(settings) == before
+
+
+def test_a_full_disk_refuses_uploads_and_sessions_in_words(
+    client: TestClient, patient: int, packed: bytes, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from collections import namedtuple
+
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr("sessions.store.shutil.disk_usage", lambda path: usage(10**9, 10**9, 5_000))
+    before = files_in(settings)
+    for answer in (
+        upload(client, patient, packed),
+        client.post(f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}),
+    ):
+        assert answer.status_code == 422
+        assert "disk is nearly full" in answer.json()["error"]
+    assert files_in(settings) == before
+    assert client.get(f"/api/patients/{patient}").json()["sessions"] == []
+
+
+def test_only_measured_fingers_are_told(client: TestClient, patient: int, recording: LoadedRecording, tmp_path: Path) -> None:
+    whole = recording.samples["imu"]
+    kept = [k for k, s in enumerate(whole.stream.sensors) if s == "hand" or s.startswith("index")]
+    stream = type(whole.stream)("imu", tuple(whole.stream.sensors[k] for k in kept), whole.stream.quantities, whole.stream.rate)
+    one = LoadedRecording(
+        recording.hand, recording.geometry, {}, {"imu": type(whole)(stream, whole.t, whole.values[:, kept])}, recording.events
+    )
+    motion_bids.write(one, tmp_path / "one.zip")
+    result = finished(client, upload(client, patient, (tmp_path / "one.zip").read_bytes()).json()["result"])
+    named = {f["name"].split("_")[0] for f in result["figures"] if f["value"] is not None}
+    assert named & set(FINGERS) == {"index"}

@@ -1,0 +1,167 @@
+"""The command line as a person uses it: what it writes, what it says, how it ends."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import VERBS, main
+from estimators.hand_anatomy import DOF_NAMES
+from estimators.methods import METHODS
+from estimators.options import describe
+from sessions import formats
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("simulated") / "tapping.zip"
+    assert main(["simulate", "tapping", "--out", str(path), "--seed", "4", "--hand", "right"]) == 0
+    return path
+
+
+def table(folder: Path, name: str) -> tuple[list[str], np.ndarray]:
+    """Column names and values of a derivative."""
+    motion = next(folder.rglob(f"*{name}*_motion.tsv"))
+    channels = motion.with_name(motion.name.replace("_motion.tsv", "_channels.tsv")).read_text().splitlines()[1:]
+    return [line.split("\t")[0] for line in channels], np.genfromtxt(motion, delimiter="\t", missing_values="n/a")
+
+
+def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line on standard error of a command that ends with exit code 2."""
+    try:
+        code = main(words)
+    except SystemExit as leaving:
+        code = int(leaving.code or 0)
+    captured = capsys.readouterr()
+    assert code == 2
+    assert captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
+    return captured.err
+
+
+def test_process_writes_the_derivative_of_the_contract(simulated: Path, tmp_path: Path) -> None:
+    assert main(["process", str(simulated), "--method", "m2", "--out", str(tmp_path)]) == 0
+    columns, values = table(tmp_path, "desc-m2")
+    assert columns[0] == "time"
+    assert columns[1 : 1 + len(DOF_NAMES)] == list(DOF_NAMES)
+    assert {"index_tip_x", "thumb_tip_z", "hand_quat_w", "little_distal_quat_z"} <= set(columns)
+    assert len(values) == len(formats.load(simulated).samples["imu"].t)
+    sidecar = json.loads(next(tmp_path.rglob("*desc-m2_motion.json")).read_text())
+    assert {"method", "parameters", "software_version", "input_checksum", "calibration_quality", "warnings"} <= set(sidecar)
+    assert sidecar["method"] == "m2"
+    calibration = json.loads(next(tmp_path.rglob("*desc-m2_calibration.json")).read_text())
+    assert {"segment_lengths", "sensor_to_segment", "gyr_bias", "acc_bias"} <= set(calibration)
+    assert calibration["segment_lengths"]["index_middle"]["value"] == pytest.approx(0.0237, abs=0.002)
+    assert np.linalg.norm(calibration["sensor_to_segment"]["index_middle"]["q_BS"]) == pytest.approx(1.0)
+
+
+def test_what_is_processed_is_near_the_truth_that_lies_beside_it(simulated: Path, tmp_path: Path) -> None:
+    import zipfile
+
+    assert main(["process", str(simulated), "--method", "m2", "--out", str(tmp_path / "out")]) == 0
+    with zipfile.ZipFile(simulated) as archive:
+        archive.extractall(tmp_path / "in")
+    columns, found = table(tmp_path / "out", "desc-m2")
+    names, truth = table(tmp_path / "in" / "derivatives", "desc-truth")
+    tips = [c for c in columns if "_tip_" in c and not c.endswith("_sd")]
+    assert len(tips) == 15
+    error = found[:, [columns.index(c) for c in tips]] - truth[:, [names.index(c) for c in tips]]
+    assert np.sqrt((error**2).mean()) < 0.006  # m, with sensors 5 deg off and biased
+
+
+def test_assess_counts_the_taps_that_were_simulated(simulated: Path, tmp_path: Path) -> None:
+    assert main(["assess", str(simulated), "--out", str(tmp_path), "--report", str(tmp_path / "r.pdf")]) == 0
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    text = json.dumps(figures)
+    assert "tapping_count" in text
+    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF")
+    csv = (tmp_path / "figures.csv").read_text()
+    count = next(line for line in csv.splitlines() if "tapping_count" in line)
+    assert ",37" in count
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        assert main(["simulate", "rest", "--out", str(tmp_path / f"{name}.zip"), "--seed", str(seed)]) == 0
+    a, b, c = ((tmp_path / f"{name}.zip").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["process", "nothere", "--out", "x"], "nothere does not exist"),
+        (["process", "RECORDING", "--out", "x", "--method", "zz"], "there is no method 'zz'; methods are b, m1, m2"),
+        (["process", "RECORDING", "--out", "x", "--option", "speed=3"], "there is no option 'speed'"),
+        (["process", "RECORDING", "--out", "x", "--option", "tau_acc"], "not of the form key=value"),
+        (["process", "RECORDING", "--out", "x", "--option", "tau_acc=fast"], "option tau_acc is 'fast'; it is a number in s"),
+        (["process", "RECORDING", "--out", "x", "--option", "tau_acc=nan"], "it is a finite number"),
+        (["process", "RECORDING", "--out", "x", "--option", "rest_bias=perhaps"], "it is true or false"),
+        (["process", "RECORDING", "--out", "x", "--hand", "left"], "recorded on the right hand, not on the left one"),
+        (["process", "RECORDING", "--out", "RECORDING"], "is a file; --out names a folder"),
+        (["process", "RECORDING"], "the following arguments are required: --out"),
+        (["assess", "RECORDING", "--out", "x", "--report", "r.doc"], "does not end in .pdf"),
+        (["simulate", "juggle", "--out", "x.zip"], "there is no task 'juggle' to simulate"),
+        (["simulate", "rest", "--out", "x"], "does not end in .zip"),
+        (["simulate", "rest", "--out", "nowhere/x.zip"], "cannot be written"),
+        (["bench", "everything"], "there is no benchmark 'everything'"),
+        (["glove", "--pty", "x", "--strips", "toe"], "unknown strip 'toe'"),
+        (["glove", "--pty", "x", "--task", "juggle"], "there is no task 'juggle'"),
+        (["glove", "--pty", "x", "--loss", "2"], "not between 0 and 1"),
+        (["glove", "--pty", "x", "--rate", "fast"], "not a number of Hz"),
+        (["glove", "--pty", "x", "--pull", "index"], "not of the form STRIP@SECONDS"),
+        (["record", "nothere", "--out", "x.mcap"], "is the glove plugged in?"),
+        (["record", "nothere", "--out", "x"], "must be a new file that ends in .mcap"),
+        (["login", "--data", "nothere"], "no server has run on the data folder"),
+        (["serve", "--port", "99999", "--data", "x"], "outside 0 to 65535"),
+        (["serve", "--host", "192.0.2.1", "--data", "x"], "cannot listen on 192.0.2.1"),
+        (["juggle"], "invalid choice: 'juggle'"),
+        ([], "required: VERB"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2(
+    words: list[str], sentence: str, simulated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = refused([str(simulated) if w == "RECORDING" else w for w in words], capsys)
+    assert sentence in told
+    assert not any(tmp_path.rglob("*motion*"))  # nothing half-written stays
+
+
+def test_help_of_process_documents_every_option_of_every_method(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["process", "--help"])
+    told = capsys.readouterr().out
+    for name, method in METHODS.items():
+        assert f"{name}: {method.TITLE}" in told
+        for option in describe(method.Params):
+            assert f"{option.name}=" in told
+            assert option.source in told
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        main([verb, "--help"])
+    assert leaving.value.code == 0
+    assert f"handscope {verb}" in capsys.readouterr().out
+
+
+def test_the_command_line_starts_as_a_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "app.cli", "process", "nothere", "--out", "x"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+
+
+def test_info_and_export_open_what_was_exported(simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(simulated), "--out", str(tmp_path / "again.zip"), "--subject", "A1"]) == 0
+    assert main(["info", str(tmp_path / "again.zip")]) == 0
+    told = capsys.readouterr().out
+    assert "right hand" in told
+    assert "initial_pose" in told
+    before, after = formats.load(simulated), formats.load(tmp_path / "again.zip")
+    np.testing.assert_array_equal(before.samples["imu"].values, after.samples["imu"].values)
