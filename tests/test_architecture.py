@@ -1,0 +1,125 @@
+"""The direction of the arrows, read from the imports of every module: app -> sessions -> estimators, and estimators is pure."""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ROOMS = ("app", "sessions", "estimators")  # each may import those behind it
+NUMERICS = {"numpy", "scipy", "filterpy", "vqf"}
+IMPURE = {
+    *("time", "datetime", "calendar", "sched"),  # a clock
+    *("socket", "ssl", "http", "urllib", "select", "selectors", "asyncio", "smtplib", "ftplib", "socketserver"),
+    *("os", "io", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap", "sqlite3", "dbm", "zipfile", "tarfile", "gzip"),
+    *("random", "secrets", "uuid"),
+    *("logging", "warnings", "sys", "subprocess", "threading", "multiprocessing", "signal", "ctypes"),
+}
+SKELETON = (
+    "quaternions",
+    "dual_quaternions",
+    "hand_anatomy",
+    "hand_geometry",
+    "joint_angles",
+    "forward_kinematics",
+)  # maths and hand model
+VALUES = ("samples", "trajectory", "options", "errors")
+VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
+LONGEST = 400  # lines
+MODULES = sorted(p for room in (*ROOMS, "tests") for p in (ROOT / room).rglob("*.py"))
+
+
+def _name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _in(package: str) -> list[Path]:
+    return [p for p in MODULES if _is_within(_name(p), package)]
+
+
+def _is_within(module: str, package: str) -> bool:
+    return module == package or module.startswith(f"{package}.")
+
+
+def imports(source: str, package: str) -> Iterator[str]:
+    """Full names of what a module imports, inside functions too: of `from a import b` both `a` and `a.b`."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")
+            origin = ".".join([*(parts[: len(parts) - node.level + 1] if node.level else ()), *filter(None, [node.module])])
+            yield origin
+            yield from (f"{origin}.{alias.name}" for alias in node.names)
+
+
+def _imports(path: Path) -> list[str]:
+    name = _name(path)
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    return list(imports(path.read_text(), package))
+
+
+def _offenders(package: str, forbidden: tuple[str, ...]) -> list[str]:
+    return [f"{_name(p)} imports {i}" for p in _in(package) for i in _imports(p) if any(_is_within(i, f) for f in forbidden)]
+
+
+def test_the_reader_of_imports_sees_every_form() -> None:
+    source = "import a.b\nfrom c import d\nfrom . import e\nfrom ..f import g\ndef h():\n    import i\n"
+    assert list(imports(source, "x.y")) == ["a.b", "c", "c.d", "x.y", "x.y.e", "x.f", "x.f.g", "i"]
+    assert len(_in("estimators")) > 20
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_point_one_way(room: str) -> None:
+    assert _offenders(room, ROOMS[: ROOMS.index(room)]) == []
+
+
+def test_nothing_that_runs_imports_the_tests() -> None:
+    assert [o for room in ROOMS for o in _offenders(room, ("tests",))] == []
+
+
+def test_estimators_import_numerics_and_the_pure_part_of_the_standard_library_only() -> None:
+    allowed = NUMERICS | {"estimators"} | (set(sys.stdlib_module_names) - IMPURE)
+    assert [f"{_name(p)} imports {i}" for p in _in("estimators") for i in _imports(p) if i.split(".")[0] not in allowed] == []
+
+
+def test_estimators_neither_open_nor_print_nor_draw_from_a_hidden_generator() -> None:
+    found = []
+    for path in _in("estimators"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id in ("open", "print", "input", "exec", "eval")
+            ):
+                found.append(f"{_name(path)}:{node.lineno} calls {node.func.id}")
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("np.random", "numpy.random") and node.attr != "Generator":
+                found.append(f"{_name(path)}:{node.lineno} uses {ast.unparse(node)}")
+            if isinstance(node, ast.Attribute) and node.attr in ("tofile", "fromfile", "savetxt", "loadtxt", "genfromtxt", "memmap"):
+                found.append(f"{_name(path)}:{node.lineno} uses {ast.unparse(node)}")
+    assert found == []
+
+
+def test_a_simulator_knows_no_tracker() -> None:
+    known = [f"estimators.{name}" for name in (*SKELETON, *VALUES, "simulation")]
+    ours = [(p, i) for p in _in("estimators.simulation") for i in _imports(p) if i.startswith("estimators.")]
+    assert [f"{_name(p)} imports {i}" for p, i in ours if not any(_is_within(i, k) for k in known)] == []
+
+
+def test_no_estimator_knows_the_simulator() -> None:
+    outside = [p for p in _in("estimators") if not _is_within(_name(p), "estimators.simulation")]
+    assert [f"{_name(p)} imports {i}" for p in outside for i in _imports(p) if _is_within(i, "estimators.simulation")] == []
+
+
+@pytest.mark.parametrize("path", MODULES, ids=_name)
+def test_a_module_imports_by_name_and_is_short(path: Path) -> None:
+    source = path.read_text()
+    stars = [n.lineno for n in ast.walk(ast.parse(source)) if isinstance(n, ast.ImportFrom) and n.names[0].name == "*"]
+    assert stars == [], "star import"
+    assert source.count("\n") <= LONGEST, "name the second idea and move it out"
+
+
+def test_names_say_what_is_inside() -> None:
+    assert [str(p.relative_to(ROOT)) for p in MODULES if VAGUE & {part.removesuffix(".py") for part in p.relative_to(ROOT).parts}] == []
