@@ -1,0 +1,49 @@
+"""Find a Chromium for the browser tests, or install one: Debian's as root, otherwise the test tool's own. Prints its path."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+def chromium() -> str | None:
+    """The path of a Chromium on this machine."""
+    for name in NAMES:
+        if path := shutil.which(name):
+            return path
+    return _own()
+
+
+def _own() -> str | None:
+    """The one that the test tool keeps for itself."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as tool:
+        path = tool.chromium.executable_path
+    return path if Path(path).exists() else None
+
+
+def install() -> None:
+    """Debian's package as root where there is one, else the test tool's own."""
+    if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
+        subprocess.run(["apt-get", "update", "-qq"], check=False)
+        done = subprocess.run(
+            ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "chromium"],
+            check=False,
+            env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
+        )
+        if done.returncode == 0:
+            return
+    subprocess.run([sys.executable, "-m", "playwright", "install", "chromium"], check=True)
+
+
+if __name__ == "__main__":
+    if chromium() is None:
+        print("no Chromium found: installing one for the browser tests", flush=True)
+        install()
+    found = chromium()
+    print(f"browser tests use {found}" if found else "no Chromium could be installed; install one and run again", flush=True)
+    sys.exit(0 if found else 1)
