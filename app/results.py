@@ -62,7 +62,7 @@ def computed(store: Store, result: Result, progress: Callable[[float], None] = l
 
 
 def derivative_files(store: Store, result: Result) -> dict[str, Data]:
-    """The derivative of spec 04 of a result."""
+    """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
     recording, processed = computed(store, result)
     params = with_options(METHODS[result.method].Params, result.parameters)
     return derivative.tree(processed, recording, result.method, params, result.version)

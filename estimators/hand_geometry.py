@@ -132,7 +132,7 @@ def check(m: HandMeasures) -> None:
 
 
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
-    """Read the contract's `HandGeometry` object (spec 04): named measures, and functional lengths by segment name."""
+    """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment name."""
     known = {"hand_length", "hand_breadth", "palm_length", "finger_length", "tip_tissue", "joint_positions"}
     unknown = set(table) - known - set(SEGMENTS)
     if unknown:

@@ -33,7 +33,7 @@ class PoseParams:
         "full",
         "",
         "what the pose fixes: each sensor's heading against the hand (the paper) or its whole orientation",
-        "Salchow-Hoemmen 2019, 2.4.2; spec 03 A",
+        "heading: Salchow-Hoemmen 2019, 2.4.2; full: ours",
         ("full", "heading"),
     )
     pose_duration: float = option(
@@ -64,7 +64,7 @@ class Pose:
 
 
 def pose_of(event: Event) -> Pose:
-    """The pose that an `initial_pose` event describes (spec 04)."""
+    """The pose that an `initial_pose` event describes (docs/motion-bids.md)."""
     angles = [event.details.get(f"thumb_cmc_{name}_deg") for name in joint_angles.ANGLES]
     try:
         known = [0.0 if a is None else float(a) for a in angles]

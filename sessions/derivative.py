@@ -1,4 +1,4 @@
-"""The derivative of a recording as Motion-BIDS (spec 04): joint angles, fingertips and orientations with what they rest on."""
+"""The derivative of a recording as Motion-BIDS (docs/motion-bids.md): joint angles, fingertips and orientations with what they rest on."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields
@@ -34,7 +34,7 @@ def tree(processed: Processed, recording: LoadedRecording, method: str, params: 
 
 
 def calibration_table(c: Calibration) -> dict[str, Any]:
-    """What the method used or estimated, SI (spec 04)."""
+    """What the method used or estimated, SI."""
     mounting = {s: {"q_BS": _plain(q), "p_BS": None} for s, q in c.q_BS.items()}
     return {
         "source": c.source,

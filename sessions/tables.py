@@ -37,7 +37,7 @@ class Patient(Base):
     year_of_birth: Mapped[int | None]
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
-    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry of spec 04 by hand: {"left": {...}, "right": {...}}
+    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry by hand: {"left": {...}, "right": {...}}
     notes: Mapped[str] = mapped_column(default="")
     archived: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
@@ -63,7 +63,7 @@ class PatientSession(Base):
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
     notes: Mapped[str] = mapped_column(default="")
-    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry of spec 04
+    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
 
     patient: Mapped[Patient] = relationship(back_populates="sessions")
     recordings: Mapped[list["RecordingFile"]] = relationship(

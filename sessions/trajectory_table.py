@@ -1,4 +1,4 @@
-"""A trajectory as a table: the columns of the derivative of spec 04 and their description."""
+"""A trajectory as a table: the columns of the derivative (docs/motion-bids.md) and their description."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""`handscope process`: run a method over a recording and write the derivative of spec 04."""
+"""`handscope process`: run a method over a recording and write its Motion-BIDS derivative."""
 
 import argparse
 from pathlib import Path

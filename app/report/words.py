@@ -1,4 +1,4 @@
-"""Clinical words for measured angles: never a bare plus or minus, which therapists read either way (Mulder & Wittmeier 2009; spec 05 A.2).
+"""Clinical words for measured angles: never a bare plus or minus, which therapists read either way (Mulder & Wittmeier 2009).
 
 Finger abduction is away from the middle finger; the thumb's CMC joint is read as palmar abduction (out of the palm's plane), radial
 abduction (within it) and rotation; the wrist as flexion, extension, radial and ulnar deviation.

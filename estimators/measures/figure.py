@@ -20,7 +20,7 @@ class Figure:
     name: str  # e.g. index_mcp_flexion_max
     value: float
     unit: str  # rad, m, s, Hz, 1, ...
-    source: str  # definition: paper or spec
+    source: str  # definition: a paper, or ours
     sd: float | None = None
     grade: Grade = "good"
     reason: str = ""

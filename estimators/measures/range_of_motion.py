@@ -2,7 +2,7 @@
 
 In      a trajectory and the stretch of time of the task
 Out     for every freedom of every measured joint: largest and smallest angle, when, grade
-Source  at least three repetitions, active or passive: spec 05 A.8; "held" as the running median over `hold`, so that a spike shorter than half of
+Source  at least three repetitions, active or passive (VA worksheet DVBCHTF1); "held" as the running median over `hold`, so that a spike shorter than half of
         it changes nothing, at the ends of the task too, while a slow turning point loses little (1.2 % of the amplitude at 0.5 Hz with 0.2 s)
 """
 
@@ -18,7 +18,7 @@ from estimators.quaternions import Array
 from estimators.trajectory import Flag, Trajectory
 
 TITLE = "Range of motion"
-SOURCE = "ours after VA worksheet DVBCHTF1 (spec 05 A.8): extremes of the running median"
+SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
 UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED)
 
 

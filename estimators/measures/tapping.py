@@ -2,8 +2,8 @@
 
 In      a trajectory and the stretch of time of the trial
 Out     taps (complete opening-closing cycles): count, rate, intervals, amplitudes, opening and closing speeds, decrement
-Source  spec 05 B.2: closings are minima of prominence >= 25 % of the 5-95 % range, at least 0.1 s apart; linear drift inside each cycle removed so
-        that closure is 0; decrement slope by ordinary least squares (Ling 2012, Djuric-Jovicic 2016), ratio of last and first five (ReTap)
+Source  cycles and closures as in ReTap (Habets 2023, doi 10.3390/s23115238); ours: closings are minima of prominence >= 25 % of the 5-95 % range, at
+        least 0.1 s apart, linear drift inside each cycle removed so that closure is 0; decrement slope by ordinary least squares (Ling 2012, Djuric-Jovicic 2016), ratio of last and first five (ReTap)
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
 TITLE = "Finger tapping"
-SOURCE = "spec 05 B.2"
+SOURCE = "ReTap (doi 10.3390/s23115238); Djuric-Jovicic 2016 (J Clin Neurosci 30:49)"
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    prominence: float = option(0.25, "", "least prominence of a closing, as a share of the 5-95 % range of the distance", "spec 05 B.2")
-    cycle_min: float = option(0.1, "s", "shortest cycle", "spec 05 B.2")
+    prominence: float = option(0.25, "", "least prominence of a closing, as a share of the 5-95 % range of the distance", "ours")
+    cycle_min: float = option(0.1, "s", "shortest cycle", "ours")
     smallest: float = option(0.005, "m", "movement smaller than this is no tapping", "ours: below the tip error of the method")
-    min_taps_for_decrement: int = option(8, "", "fewer taps have no decrement", "ReTap (spec 05 B.2)")
-    ends: int = option(5, "", "taps at either end that the decrement ratio compares", "ReTap (spec 05 B.2)")
+    min_taps_for_decrement: int = option(8, "", "fewer taps have no decrement", "ReTap (doi 10.3390/s23115238)")
+    ends: int = option(5, "", "taps at either end that the decrement ratio compares", "ReTap (doi 10.3390/s23115238)")
 
 
 @dataclass(frozen=True)

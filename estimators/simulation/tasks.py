@@ -1,7 +1,7 @@
 """What the simulated person can do: each task is a motion that begins and ends in the relaxed posture, with the events that describe it.
 
 Speeds and extents are those of the protocols: joint rates below 2 rad/s for guided movements (Salchow-Hoemmen 2019, 3.1.3), tapping at 2.5 Hz
-(healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz: spec 05 B.4), repetitions three.
+(healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz in the public tapping recordings of ETF Belgrade, own evaluation), repetitions three.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Open a Motion-BIDS recording, a folder or a zip of it, by the rules of spec 04."""
+"""Open a Motion-BIDS recording, a folder or a zip of it, by the rules of docs/motion-bids.md."""
 
 import re
 from collections.abc import Callable, Mapping

@@ -8,7 +8,7 @@ from sessions.trajectory_table import channels_of, table_of
 
 
 def truth_files(truth: Trajectory, recording: LoadedRecording, subject: str, task: str, software: str) -> dict[str, Data]:
-    """Files under derivatives/truth, in the layout of the derivative of spec 04."""
+    """Files under derivatives/truth, in the layout of the derivative."""
     base = f"derivatives/truth/sub-{subject}/motion/sub-{subject}_task-{task}_tracksys-truth_desc-truth"
     columns, table = table_of(truth)
     about = {

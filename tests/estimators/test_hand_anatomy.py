@@ -1,4 +1,4 @@
-"""The tables of segments, joints and freedoms as spec 02 counts them."""
+"""The tables of segments, joints and freedoms as docs/conventions.md counts them."""
 
 import numpy as np
 

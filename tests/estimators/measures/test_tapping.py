@@ -1,4 +1,4 @@
-"""Finger tapping on synthetic distances with known taps (the formulas of spec 05 B.2)."""
+"""Finger tapping on synthetic distances with known taps."""
 
 from dataclasses import replace
 
