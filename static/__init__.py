@@ -1,0 +1,1 @@
+"""The pages: documents, styles, scripts and vendored libraries; no build step."""

@@ -1,0 +1,79 @@
+/** The HTTP API: values in, values out; what goes wrong is an Error with the sentence to show. */
+import { t } from "./words/words.js";
+
+export class ApiError extends Error {
+  constructor(sentence, status = 0) {
+    super(sentence);
+    this.status = status;
+  }
+}
+
+export function makeApi(stranger = () => location.assign("/login")) {
+  const protocols = { loading: null };
+
+  async function call(method, path, body) {
+    const response = await reach(path, {
+      method,
+      headers: body === undefined ? {} : { "Content-Type": "application/json" },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+    return response.status === 204 ? null : response.json();
+  }
+
+  async function reach(path, options) {
+    let response;
+    try {
+      response = await fetch(path, options);
+    } catch {
+      throw new ApiError(t("error.unreachable"));
+    }
+    if (response.status === 401) stranger();
+    if (!response.ok) throw new ApiError(await sentence(response), response.status);
+    return response;
+  }
+
+  async function loadTitles() {
+    try {
+      const all = await call("GET", "/api/protocols");
+      return new Map(all.map((p) => [p.name, p.title]));
+    } catch (error) {
+      protocols.loading = null; // asked again next time
+      throw error;
+    }
+  }
+
+  return {
+    get: (path) => call("GET", path),
+    post: (path, body = {}) => call("POST", path, body),
+    patch: (path, body) => call("PATCH", path, body),
+    remove: (path) => call("DELETE", path),
+    file: async (path) => (await reach(path, {})).blob(),
+    upload,
+    /** Titles of tasks by name. */
+    titles: () => (protocols.loading ??= loadTitles()),
+  };
+}
+
+/** Send a form with a file; `progress` hears the share sent. */
+function upload(path, form, progress) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", path);
+    request.responseType = "json";
+    request.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
+    request.onload = () => {
+      const good = request.status < 300;
+      good ? resolve(request.response) : reject(new ApiError(request.response?.error ?? t("error.unreadable"), request.status));
+    };
+    request.onerror = () => reject(new ApiError(t("error.unreachable")));
+    request.send(form);
+  });
+}
+
+async function sentence(response) {
+  try {
+    return (await response.json()).error ?? t("error.unreadable");
+  } catch {
+    return t("error.unreadable");
+  }
+}

@@ -1,0 +1,91 @@
+/** The one document: header and footer, and between them the page that the address names. */
+import { makeApi } from "./api.js";
+import { h } from "./dom.js";
+import { t } from "./words/words.js";
+
+const PAGES = [
+  [/^\/$/, () => import("./pages/patients.js")],
+  [/^\/patients\/(\d+)$/, () => import("./pages/patient.js")],
+  [/^\/sessions\/(\d+)$/, () => import("./pages/session.js")],
+  [/^\/stations\/([^/]+)$/, () => import("./pages/station.js")],
+  [/^\/help$/, () => import("./pages/help.js")],
+];
+const api = makeApi();
+const main = h("main", { id: "main", tabindex: "-1" });
+const links = [
+  ["/", "nav.patients"],
+  ["/help", "nav.help"],
+].map(([href, word]) => h("a", { href }, t(word)));
+const heard = h("p", { class: "heard", "aria-live": "polite" });
+let leave = () => {};
+let turn = 0;
+
+async function show() {
+  const mine = (turn += 1);
+  const [pattern, load] = PAGES.find(([address]) => address.test(location.pathname)) ?? [/.*/, () => import("./pages/missing.js")];
+  leave();
+  leave = () => {};
+  main.replaceChildren(h("p", { class: "soft" }, t("loading")));
+  document.body.className = "";
+  links.forEach((a) => (a.pathname === location.pathname ? a.setAttribute("aria-current", "page") : a.removeAttribute("aria-current")));
+  const page = await load().catch(unloadable);
+  if (mine !== turn || !page) return;
+  main.replaceChildren();
+  leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title });
+}
+
+/** A page's module did not come: the login ended, or the server did. */
+async function unloadable() {
+  const reason = await api.get("/api/protocols").then(
+    () => new Error(t("error.unreadable")),
+    (error) => error,
+  );
+  main.replaceChildren(
+    h("div", { class: "error", role: "alert" }, h("p", {}, reason.message), h("button", { onclick: () => location.reload() }, t("reload"))),
+  );
+}
+
+/** Go to another page of ours without loading the document again. */
+function go(address, replace = false) {
+  history[replace ? "replaceState" : "pushState"](null, "", address);
+  scrollTo(0, 0);
+  return show();
+}
+
+/** Say where we are: the window's title, and to screen readers. */
+function title(words) {
+  document.title = `${words} · Handscope`;
+  heard.textContent = words;
+}
+
+function followed(event) {
+  const link = event.target.closest("a[href]");
+  const plain = event.button === 0 && !event.ctrlKey && !event.metaKey && !event.shiftKey && !event.altKey;
+  if (!link || !plain || link.target || link.hasAttribute("download") || link.origin !== location.origin) return;
+  if (link.pathname.startsWith("/api/") || link.getAttribute("href").startsWith("#")) return;
+  event.preventDefault();
+  go(link.pathname + link.search);
+  main.focus({ preventScroll: true });
+}
+
+async function logOut() {
+  await api.remove("/api/login").catch(() => {});
+  location.assign("/login");
+}
+
+document.body.append(
+  h("a", { class: "skip", href: "#main" }, t("nav.skip")),
+  h(
+    "header",
+    { class: "top" },
+    h("a", { class: "brand", href: "/" }, h("img", { src: "/static/favicon.svg", alt: "" }), "Handscope"),
+    h("nav", { "aria-label": t("nav.label") }, links),
+    h("button", { onclick: logOut }, t("nav.logout")),
+  ),
+  main,
+  h("footer", { class: "bottom" }, t("notice")),
+  heard,
+);
+document.addEventListener("click", followed);
+addEventListener("popstate", show);
+show();

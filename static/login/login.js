@@ -1,0 +1,83 @@
+/** Ask for the one-time code and log in with it. */
+import words from "./words.js";
+
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}
+
+export function mount(root) {
+  const alert = make("div", { role: "alert" });
+  const input = make("input", { id: "code", autocomplete: "off", spellcheck: "false", "aria-describedby": "hint", name: "code" });
+  const button = make("button", { class: "primary large", type: "submit" }, words.send);
+  const form = make(
+    "form",
+    { novalidate: "" },
+    make(
+      "div",
+      { class: "field" },
+      make("label", { for: "code" }, words.code),
+      input,
+      make("p", { class: "hint", id: "hint" }, words.hint),
+    ),
+    button,
+  );
+  const say = (text) => alert.replaceChildren(make("p", { class: "error" }, text));
+
+  async function logIn(event) {
+    event.preventDefault();
+    const token = codeOf(input.value);
+    if (!token) return say(words.missing);
+    button.disabled = true;
+    const refusal = await send(token);
+    if (!refusal) return location.assign("/");
+    button.disabled = false;
+    say(refusal);
+    return input.focus();
+  }
+
+  form.addEventListener("submit", logIn);
+  root.append(
+    make("div", { class: "brand" }, make("img", { src: "/static/favicon.svg", alt: "" }), make("h1", {}, "Handscope")),
+    make(
+      "div",
+      { class: "card" },
+      make("h2", {}, words.title),
+      make("p", { class: "soft" }, words.lead),
+      alert,
+      form,
+      make("h3", {}, words.where),
+      make("p", {}, words.where_text),
+      make("p", {}, make("code", {}, words.command)),
+    ),
+  );
+  if (location.search.includes("token=")) say(words.used);
+  input.focus();
+  return () => root.replaceChildren();
+}
+
+/** The code from what was pasted: the code itself, or an address with it. */
+function codeOf(text) {
+  return text.trim().match(/[?&]token=([^&\s]+)/)?.[1] ?? text.trim();
+}
+
+/** Log in; gives the sentence where it was refused. */
+async function send(token) {
+  try {
+    const response = await fetch("/api/login", {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ token }),
+    });
+    if (response.ok) return "";
+    return (await response.json().catch(() => ({}))).error ?? words.refused;
+  } catch {
+    return words.unreachable;
+  }
+}
+
+const root = make("main");
+document.body.append(root, make("footer", { class: "soft small" }, words.notice));
+mount(root);

@@ -1,0 +1,64 @@
+/** A patient: begin a session, upload a recording, what was done before, facts, hand measures, notes. */
+import { assemble, h } from "../dom.js";
+import { errorBox } from "../forms.js";
+import * as facts from "../patient/facts.js";
+import * as measures from "../patient/measures.js";
+import * as newSession from "../patient/new_session.js";
+import * as notes from "../patient/notes.js";
+import { makeRecord } from "../patient/record.js";
+import * as upload from "../patient/upload.js";
+import * as visits from "../patient/visits.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { id, go, title }) {
+  const box = errorBox();
+  let leave = () => {};
+  let gone = false;
+  root.append(box.element);
+  api.get(`/api/patients/${id}`).then(
+    (patient) => {
+      if (gone) return;
+      const record = makeRecord(api, patient);
+      const heading = h("h1", {});
+      const about = h("p", { class: "soft" });
+      const name = (now) => {
+        heading.textContent = now.pseudonym;
+        about.textContent = summary(now);
+        title(now.pseudonym);
+      };
+      name(patient);
+      const stop = record.watch(name);
+      const parts = [newSession, visits, facts, upload, measures, notes].map((part) => [part, h("section", { class: "card" })]);
+      const [session, before, ...aside] = parts.map(([, place]) => place);
+      root.append(
+        h(
+          "div",
+          { class: "head" },
+          h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title")), "›"), heading, about),
+        ),
+        h("div", { class: "beside" }, h("div", { class: "stack" }, session, before), h("div", { class: "stack" }, aside)),
+      );
+      const unmount = assemble(api, { record, go }, parts);
+      leave = () => {
+        stop();
+        unmount();
+      };
+    },
+    (error) => gone || box.show(error, h("p", {}, h("a", { href: "/" }, t("patients.back")))),
+  );
+  return () => {
+    gone = true;
+    leave();
+  };
+}
+
+function summary(patient) {
+  return [
+    patient.year_of_birth && t("patient.born", { year: patient.year_of_birth }),
+    patient.dominant_hand && t(`patient.dominant.${patient.dominant_hand}`),
+    patient.affected_hand && t(`patient.affected.${patient.affected_hand}`),
+    patient.archived && t("patient.archived"),
+  ]
+    .filter(Boolean)
+    .join(" · ");
+}

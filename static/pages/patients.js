@@ -1,0 +1,90 @@
+/** All patients: search, how many sessions, the last visit; a new one. */
+import { h, paced } from "../dom.js";
+import { errorBox } from "../forms.js";
+import * as newPatient from "../patient/new_patient.js";
+import { counted, day, t } from "../words/words.js";
+
+export function mount(root, api, { go, title }) {
+  title(t("patients.title"));
+  const form = h("section", { class: "card", hidden: true, "aria-label": t("patients.new") });
+  const list = h("div", { class: "card" });
+  const box = errorBox();
+  const search = h("input", {
+    type: "search",
+    "aria-label": t("patients.search"),
+    placeholder: t("patients.search"),
+    oninput: paced(200, draw),
+  });
+  const archived = h("input", { type: "checkbox", onchange: draw });
+  const opener = h("button", { class: "primary large", onclick: open, "aria-expanded": "false" }, t("patients.new"));
+  let leaveForm = null;
+  let asked = 0;
+
+  function open() {
+    if (leaveForm) return close();
+    form.hidden = false;
+    opener.setAttribute("aria-expanded", "true");
+    leaveForm = newPatient.mount(form, api, { done: (patient) => go(`/patients/${patient.id}`), cancel: close });
+  }
+
+  function close() {
+    leaveForm?.();
+    leaveForm = null;
+    form.hidden = true;
+    opener.setAttribute("aria-expanded", "false");
+    opener.focus();
+  }
+
+  async function draw() {
+    const mine = (asked += 1);
+    const words = search.value.trim();
+    try {
+      const found = await api.get(`/api/patients?search=${encodeURIComponent(words)}&archived=${archived.checked}`);
+      if (mine !== asked) return;
+      box.clear();
+      list.replaceChildren(found.length ? table(found) : nobody(words, archived.checked));
+    } catch (error) {
+      if (mine === asked) box.show(error);
+    }
+  }
+
+  root.append(
+    h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
+    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list)),
+  );
+  draw();
+  return () => {
+    asked += 1;
+    leaveForm?.();
+  };
+}
+
+function searchRow(search, archived) {
+  return h("div", { class: "search", role: "search" }, search, h("label", { class: "check" }, archived, t("patients.archived")));
+}
+
+function table(patients) {
+  const head = ["patients.pseudonym", "patients.sessions", "patients.last", "patients.affected"].map((word) =>
+    h("th", { scope: "col" }, t(word)),
+  );
+  const rows = patients.map((p) =>
+    h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, h("a", { href: `/patients/${p.id}` }, p.pseudonym)),
+      h("td", {}, p.sessions ? counted("sessions", p.sessions) : t("patients.none_yet")),
+      h("td", {}, p.last_session ? day(p.last_session) : "–"),
+      h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
+    ),
+  );
+  return h("table", { class: "rows" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+}
+
+function nobody(words, archived) {
+  const [head, body] = words
+    ? ["patients.unmatched", "patients.unmatched.next"]
+    : archived
+      ? ["patients.no_archive", "patients.no_archive.next"]
+      : ["patients.empty", "patients.empty.next"];
+  return h("p", { class: "empty" }, h("strong", {}, t(head, { words })), t(body));
+}

@@ -1,0 +1,113 @@
+/** A session: while it runs, while it is processed, then its numbers. `?result=` names one of several results. */
+import { assemble, h } from "../dom.js";
+import { errorBox } from "../forms.js";
+import * as again from "../session/again.js";
+import * as downloads from "../session/downloads.js";
+import * as notes from "../session/notes.js";
+import * as progress from "../session/progress.js";
+import * as quality from "../session/quality.js";
+import * as ranges from "../session/ranges.js";
+import * as recordings from "../session/recordings.js";
+import * as results from "../session/results.js";
+import * as tapping from "../session/tapping.js";
+import { clock, day, t, time } from "../words/words.js";
+
+export function mount(root, api, { id, go, title }) {
+  const box = errorBox();
+  let leave = () => {};
+  let gone = false;
+  root.append(box.element);
+
+  async function load() {
+    try {
+      const session = await api.get(`/api/sessions/${id}`);
+      const chosen = pick(session);
+      const result = chosen && (await api.get(`/api/results/${chosen.id}`));
+      if (gone) return;
+      leave();
+      root.replaceChildren(box.element);
+      title(t("session.title", { day: day(session.started), patient: session.patient.pseudonym }));
+      leave = draw(root, api, { session, result, go, reload: load });
+    } catch (error) {
+      gone || box.show(error, h("p", {}, h("a", { href: "/" }, t("patients.back"))));
+    }
+  }
+
+  load();
+  return () => {
+    gone = true;
+    leave();
+  };
+}
+
+/** The result that the address names, else the newest. */
+function pick(session) {
+  const all = session.recordings.flatMap((recording) => recording.results);
+  const named = Number(new URLSearchParams(location.search).get("result"));
+  return all.find((result) => result.id === named) ?? all[0] ?? null;
+}
+
+function draw(root, api, about) {
+  const { session, result } = about;
+  const done = result?.state === "done";
+  const place = (kind = "card") => h("section", { class: kind });
+  const numbers = [
+    [ranges, place("stack")],
+    [tapping, place("stack")],
+  ];
+  const kept = [recordings, again].map((part) => [part, place()]);
+  const closed = session.recordings.some((recording) => recording.sha256);
+  const main = [...(done ? numbers : [[progress, place()]]), ...(closed ? kept : [])];
+  const aside = [done && quality, notes].filter(Boolean).map((part) => [part, place()]);
+  const head = done ? [[downloads, place("")]] : [];
+  const choice = [[results, place("")]];
+  const heading = h(
+    "div",
+    {},
+    trail(session),
+    h("h1", {}, t("session.heading", { day: day(session.started) })),
+    h("p", { class: "soft" }, facts(session)),
+  );
+  root.append(
+    h("div", { class: "head" }, heading, head[0]?.[1]),
+    choice[0][1],
+    h(
+      "div",
+      { class: "beside results" },
+      h(
+        "div",
+        { class: "stack" },
+        main.map(([, place]) => place),
+      ),
+      h(
+        "div",
+        { class: "stack" },
+        aside.map(([, place]) => place),
+      ),
+    ),
+  );
+  return assemble(api, about, [...head, ...choice, ...main, ...aside]);
+}
+
+function trail(session) {
+  return h(
+    "p",
+    { class: "trail" },
+    h("a", { href: "/" }, t("patients.title")),
+    "›",
+    h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym),
+    "›",
+  );
+}
+
+function facts(session) {
+  return [
+    t(`hand.${session.hand}.title`),
+    time(session.started),
+    session.duration && t("session.length", { clock: clock(session.duration) }),
+    session.examiner && t("session.examiner", { name: session.examiner }),
+    t(`visits.source.${session.source}`),
+  ]
+    .filter(Boolean)
+    .join(" · ");
+}

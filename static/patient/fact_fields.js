@@ -1,0 +1,59 @@
+/** The fields of a patient's facts, for a new patient and for changes. */
+import { h } from "../dom.js";
+import { field, select } from "../forms.js";
+import { t } from "../words/words.js";
+
+const HANDS = [
+  ["", "hand.unknown"],
+  ["left", "hand.left"],
+  ["right", "hand.right"],
+];
+
+/** `elements` to place, `values()` as the API takes them, `set(patient)`, the `first` field. */
+export function factFields(patient) {
+  const pseudonym = h("input", { maxlength: 64, autocomplete: "off", spellcheck: "false", name: "pseudonym" });
+  const year = h("input", { inputmode: "numeric", maxlength: 4, autocomplete: "off", name: "year" });
+  const dominant = select(
+    HANDS.map(([key, word]) => [key, t(word)]),
+    "",
+    { name: "dominant" },
+  );
+  const affected = select(
+    [...HANDS, ["both", "hand.both"]].map(([key, word]) => [key, t(word)]),
+    "",
+    { name: "affected" },
+  );
+  const set = (facts) => {
+    pseudonym.value = facts.pseudonym ?? "";
+    year.value = facts.year_of_birth ?? "";
+    dominant.value = facts.dominant_hand ?? "";
+    affected.value = facts.affected_hand ?? "";
+  };
+  set(patient);
+  return {
+    first: pseudonym,
+    set,
+    elements: [
+      field(t("fact.pseudonym"), pseudonym, t("fact.pseudonym.hint")),
+      field(t("fact.year_of_birth"), year, t("fact.year_of_birth.hint")),
+      h("div", { class: "pair" }, field(t("fact.dominant_hand"), dominant), field(t("fact.affected_hand"), affected)),
+    ],
+    values: () => ({
+      pseudonym: pseudonym.value.trim(),
+      year_of_birth: year.value.trim() === "" ? null : yearOf(year.value.trim()),
+      dominant_hand: dominant.value || null,
+      affected_hand: affected.value || null,
+    }),
+  };
+}
+
+function yearOf(text) {
+  if (!/^\d{4}$/.test(text)) throw new Error(t("fact.year_of_birth.wrong"));
+  return Number(text);
+}
+
+/** A fact's value as a person reads it. */
+export function factWords(name, value) {
+  if (value === null || value === undefined || value === "") return t("not_given");
+  return name.endsWith("_hand") ? t(`hand.${value}`) : String(value);
+}

@@ -1,0 +1,50 @@
+/** Facts of a patient, shown; "Change" makes them a form. */
+import { h } from "../dom.js";
+import { errorBox, onSubmit, once } from "../forms.js";
+import { factFields, factWords } from "./fact_fields.js";
+import { sendChange } from "./record.js";
+import { t } from "../words/words.js";
+
+const NAMES = ["pseudonym", "year_of_birth", "dominant_hand", "affected_hand"];
+
+export function mount(root, api, { record }) {
+  const box = errorBox();
+  const body = h("div", {});
+  root.append(h("h2", {}, t("facts.title")), body, box.element);
+
+  function show() {
+    const patient = record.now;
+    const rows = NAMES.map((name) => [h("dt", {}, t(`fact.${name}`)), h("dd", {}, factWords(name, patient[name]))]);
+    const archive = h("button", {
+      class: "plain",
+      onclick: () => once(archive, box, () => sendChange(record, api, { archived: !patient.archived }, box, show)),
+    });
+    archive.textContent = t(patient.archived ? "facts.unarchive" : "facts.archive");
+    body.replaceChildren(
+      h("dl", { class: "facts" }, rows),
+      h("p", { class: "buttons" }, h("button", { onclick: edit }, t("facts.change")), archive),
+    );
+  }
+
+  function edit() {
+    const fields = factFields(record.now);
+    const close = () => {
+      box.clear();
+      show();
+      body.querySelector("button").focus();
+    };
+    const buttons = [
+      h("button", { class: "primary", type: "submit" }, t("save")),
+      h("button", { type: "button", onclick: close }, t("cancel")),
+    ];
+    const form = h("form", { novalidate: true }, fields.elements, h("div", { class: "buttons" }, buttons));
+    onSubmit(form, box, async () => {
+      if (await sendChange(record, api, fields.values(), box, fields.set)) close();
+    });
+    body.replaceChildren(form);
+    fields.first.focus();
+  }
+
+  show();
+  return record.watch(() => body.querySelector("form") || show());
+}

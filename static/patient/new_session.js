@@ -1,0 +1,92 @@
+/** Begin a live session: which hand, which glove; then to the station. */
+import { h } from "../dom.js";
+import { choices, errorBox, field, onSubmit } from "../forms.js";
+import { t } from "../words/words.js";
+
+const OTHER = "?";
+
+export function mount(root, api, { record, go }) {
+  const box = errorBox();
+  const patient = record.now;
+  const hand = patient.affected_hand === "left" || patient.affected_hand === "right" ? patient.affected_hand : null;
+  const hands = choices(
+    t("new_session.hand"),
+    "hand",
+    ["left", "right"].map((side) => ({ value: side, label: t(`hand.${side}.title`), checked: side === hand })),
+    "two",
+  );
+  const gloves = h("div", {}, h("p", { class: "soft" }, t("new_session.looking")));
+  const port = h("input", { name: "port", autocomplete: "off", spellcheck: "false" });
+  const other = h("div", { hidden: true }, field(t("new_session.port"), port, t("new_session.port.hint")));
+  const examiner = h("input", { name: "examiner", maxlength: 200, autocomplete: "off" });
+  const form = h(
+    "form",
+    { novalidate: true },
+    hands,
+    gloves,
+    other,
+    field(t("new_session.examiner"), examiner, t("new_session.examiner.hint")),
+    box.element,
+    h("button", { class: "primary large", type: "submit" }, t("new_session.start")),
+  );
+  let gone = false;
+
+  const chosen = (name) => form.querySelector(`input[name=${name}]:checked`)?.value;
+  const toggle = () => (other.hidden = chosen("glove") !== OTHER);
+
+  async function look() {
+    const found = await api.get("/api/gloves");
+    if (gone) return;
+    const options = found.map((g) => ({
+      value: g.path,
+      label: capital(g.description),
+      note: g.in_use ? t("new_session.in_use") : g.virtual ? t("new_session.virtual") : g.path,
+      disabled: g.in_use,
+    }));
+    gloves.replaceChildren(
+      choices(
+        t("new_session.glove"),
+        "glove",
+        [...options, { value: OTHER, label: t("new_session.other"), note: t("new_session.other.note") }],
+        "several",
+      ),
+    );
+    suggest();
+  }
+
+  /** The free glove whose description names the hand, else the first free one. */
+  function suggest() {
+    const free = [...gloves.querySelectorAll("input:not(:disabled)")].filter((input) => input.value !== OTHER);
+    const fitting = free.find((input) =>
+      input
+        .closest("label")
+        .textContent.toLowerCase()
+        .includes(chosen("hand") ?? "?"),
+    );
+    const pick = fitting ?? free[0] ?? gloves.querySelector(`input[value="${OTHER}"]`);
+    if (pick) pick.checked = true;
+    toggle();
+  }
+
+  form.addEventListener("change", (event) => (event.target.name === "hand" ? suggest() : toggle()));
+  onSubmit(form, box, async () => {
+    if (!chosen("hand")) throw new Error(t("new_session.which_hand"));
+    const path = chosen("glove") === OTHER ? port.value.trim() : chosen("glove");
+    if (!path) throw new Error(t("new_session.which_glove"));
+    const begun = await api.post(`/api/patients/${record.now.id}/sessions`, {
+      hand: chosen("hand"),
+      port: path,
+      examiner: examiner.value.trim(),
+    });
+    go(`/stations/${begun.station}`);
+  });
+  root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), form);
+  look().catch((error) => gone || box.show(error));
+  return () => {
+    gone = true;
+  };
+}
+
+function capital(text) {
+  return text[0].toUpperCase() + text.slice(1);
+}

@@ -1,0 +1,89 @@
+/** Upload a recording made elsewhere: drop it or choose it, then to its session. */
+import { h } from "../dom.js";
+import { choices, errorBox, field, initial, onSubmit, select } from "../forms.js";
+import { progressBar } from "../progress_bar.js";
+import { t } from "../words/words.js";
+
+const KINDS = /\.(zip|mcap)$/i;
+
+export function mount(root, api, { record, go }) {
+  const box = errorBox();
+  const input = h("input", {
+    type: "file",
+    accept: ".zip,.mcap",
+    class: "heard",
+    tabindex: "-1",
+    "aria-label": t("upload.file"),
+    onchange: () => take(input.files[0]),
+  });
+  const name = h("strong", {}, t("upload.drop"));
+  const pick = h("button", { type: "button", onclick: () => input.click() }, t("upload.choose"));
+  const area = h("div", { class: "drop" }, h("p", {}, name), pick, input, h("p", { class: "hint" }, t("upload.kinds")));
+  const bar = progressBar(t("upload.progress"));
+  const more = h("div", { hidden: true });
+  const send = h("button", { class: "primary large", type: "submit", disabled: true }, t("upload.send"));
+  const form = h("form", { novalidate: true }, area, more, bar.element, box.element, h("p", {}, send));
+  let file = null;
+  let gone = false;
+  bar.element.hidden = true;
+
+  function take(given) {
+    box.clear();
+    if (!given) return;
+    file = KINDS.test(given.name) ? given : null;
+    name.textContent = given.name;
+    send.disabled = !file;
+    more.hidden = !file;
+    pick.textContent = t("upload.another");
+    if (!file) box.show(new Error(t("upload.wrong_kind", { name: given.name })));
+  }
+
+  const over = (event, inside) => {
+    event.preventDefault();
+    area.classList.toggle("over", inside);
+  };
+  area.addEventListener("dragover", (event) => over(event, true));
+  area.addEventListener("dragleave", (event) => over(event, false));
+  area.addEventListener("drop", (event) => {
+    over(event, false);
+    take(event.dataTransfer.files[0]);
+  });
+
+  api.get("/api/methods").then(
+    (methods) => {
+      if (gone) return;
+      const hands = ["", "left", "right"].map((side) => ({
+        value: side,
+        label: t(side ? `hand.${side}.title` : "upload.hand.recording"),
+        checked: !side,
+      }));
+      const method = select(
+        methods.map((m) => [m.name, `${m.name}: ${m.title}`]),
+        initial(methods),
+        { name: "method" },
+      );
+      more.replaceChildren(h("p", {}), choices(t("upload.hand"), "upload_hand", hands), field(t("upload.method"), method));
+    },
+    (error) => gone || box.show(error),
+  );
+
+  onSubmit(form, box, async () => {
+    const data = new FormData();
+    data.append("file", file);
+    data.append("method", form.elements.method.value);
+    if (form.elements.upload_hand.value) data.append("hand", form.elements.upload_hand.value);
+    bar.element.hidden = false;
+    try {
+      const kept = await api.upload(`/api/patients/${record.now.id}/recordings`, data, (share) =>
+        bar.set(share, t(share < 1 ? "upload.sending" : "upload.checking")),
+      );
+      go(`/sessions/${kept.session}`);
+    } finally {
+      bar.element.hidden = true;
+    }
+  });
+  root.append(h("h2", {}, t("upload.title")), h("p", { class: "soft" }, t("upload.lead")), form);
+  return () => {
+    gone = true;
+  };
+}

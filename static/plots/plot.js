@@ -1,0 +1,100 @@
+/** A curve plot in the page's colours: follows its box and the colour scheme; drawn by uPlot. */
+import uPlot from "../vendor/uplot/uPlot.esm.js";
+
+const DARK = matchMedia("(prefers-color-scheme: dark)");
+
+/**
+ * wanted.label    what a screen reader says
+ * wanted.lines    [{ colour: "--curve-1", dash, bars, points }]
+ * wanted.words    (value) => text of a y tick
+ * wanted.xWords   (value) => text of an x tick
+ * wanted.window   (newest x) => [from, to]; else all data
+ * wanted.drawn    (plot) => anything drawn on top
+ * wanted.pressed  (x) => a press at x
+ */
+export function makePlot(root, wanted) {
+  let data = [[], ...wanted.lines.map(() => [])];
+  let plot = null;
+  root.classList.add("plot");
+  root.setAttribute("role", "img");
+  root.setAttribute("aria-label", wanted.label);
+
+  function make() {
+    plot?.destroy();
+    plot = new uPlot(optionsOf(wanted, root), data, root);
+  }
+
+  const observer = new ResizeObserver(() => (plot ? plot.setSize(sizeOf(root)) : make()));
+  observer.observe(root);
+  DARK.addEventListener("change", make);
+  const press = (event) => plot && wanted.pressed?.(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
+  root.addEventListener("click", press);
+  return {
+    get plot() {
+      return plot;
+    },
+    set(now) {
+      data = now;
+      plot?.setData(data);
+    },
+    destroy() {
+      observer.disconnect();
+      DARK.removeEventListener("change", make);
+      root.removeEventListener("click", press);
+      plot?.destroy();
+    },
+  };
+}
+
+/** A colour of colors.css as it is now. */
+export function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+function optionsOf(wanted, root) {
+  const axis = {
+    stroke: colour("--ink-soft"),
+    grid: { stroke: colour("--grid"), width: 1 },
+    ticks: { show: false },
+    font: `14px ${getComputedStyle(root).fontFamily}`,
+  };
+  return {
+    ...sizeOf(root),
+    padding: [10, 14, 0, 0],
+    legend: { show: false },
+    cursor: { show: false },
+    scales: { x: { time: false, range: (u, low, high) => xRange(wanted, low, high) }, y: { range: yRange } },
+    axes: [
+      { ...axis, size: 30, values: (u, ticks) => ticks.map(wanted.xWords ?? String) },
+      { ...axis, size: wanted.axis ?? 76, space: 34, values: (u, ticks) => ticks.map(wanted.words) },
+    ],
+    series: [{}, ...wanted.lines.map(lineOf)],
+    hooks: { draw: wanted.drawn ? [wanted.drawn] : [] },
+  };
+}
+
+function lineOf(line) {
+  const stroke = colour(line.colour);
+  const bars = line.bars ? { paths: uPlot.paths.bars({ size: [0.6, 28] }), fill: stroke } : {};
+  return { stroke, width: 2, dash: line.dash, points: { show: false }, ...bars };
+}
+
+function xRange(wanted, low, high) {
+  if (wanted.window) return wanted.window(high ?? 0);
+  return low === null || low === high
+    ? [(low ?? 0) - 1, (high ?? 0) + 1]
+    : wanted.around
+      ? [low - wanted.around, high + wanted.around]
+      : [low, high];
+}
+
+/** Zero is always in it, with a little air beyond the data, so that a still hand is a flat line. */
+function yRange(u, low, high) {
+  if (low === null) return [0, 10];
+  const air = Math.max(2, 0.08 * (high - low));
+  return [low < 0 ? low - air : 0, high > 0 ? high + air : 0];
+}
+
+function sizeOf(root) {
+  return { width: Math.max(80, root.clientWidth), height: Math.max(60, root.clientHeight) };
+}

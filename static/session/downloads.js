@@ -1,0 +1,52 @@
+/** What can be taken away: the report, tables, the movement; and the replay. */
+import { h } from "../dom.js";
+import { errorBox, once } from "../forms.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { session, result, go }) {
+  const box = errorBox();
+  const said = h("p", { class: "soft small", role: "status" });
+  const base = `/api/results/${result.id}`;
+  const name = (end) => `handscope-session-${session.id}-${result.method}${end}`;
+
+  /** A file that is made on demand: asked for, then saved; its error is said here and not in an empty window. */
+  function saved(words, path, file) {
+    const button = h("button", { onclick: () => once(button, box, () => save(path, file)) }, words);
+    return button;
+  }
+
+  async function save(path, file) {
+    said.textContent = t("downloads.preparing", { file });
+    try {
+      const address = URL.createObjectURL(await api.file(path));
+      h("a", { href: address, download: file }).click();
+      setTimeout(() => URL.revokeObjectURL(address), 60_000);
+      said.textContent = t("downloads.saved", { file });
+    } catch (error) {
+      said.textContent = "";
+      throw error;
+    }
+  }
+
+  const replay = h(
+    "button",
+    { class: "large", onclick: () => once(replay, box, async () => go(`/stations/${(await api.post(`${base}/replay`)).station}`)) },
+    t("downloads.replay"),
+  );
+  const tables = [
+    saved(t("downloads.csv"), `${base}/report.csv`, name(".csv")),
+    saved(t("downloads.json"), `${base}/report.json`, name(".json")),
+    saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip")),
+  ];
+  root.append(
+    h(
+      "div",
+      { class: "buttons" },
+      h("a", { class: "button primary large", href: `${base}/report.pdf`, target: "_blank", rel: "noopener" }, t("downloads.pdf")),
+      replay,
+    ),
+    h("details", { class: "more" }, h("summary", {}, t("downloads.more")), h("div", { class: "buttons" }, tables), said),
+    box.element,
+  );
+  return () => {};
+}

@@ -1,0 +1,57 @@
+/** Where a session stands that has no numbers yet: it runs, it is being processed, or it failed; looks again until that changes. */
+import { h } from "../dom.js";
+import { errorBox } from "../forms.js";
+import { progressBar } from "../progress_bar.js";
+import { t } from "../words/words.js";
+
+const PAUSE = 700; // ms between two looks
+
+export function mount(root, api, { session, result, reload }) {
+  const box = errorBox();
+  let timer = 0;
+  if (session.state === "open") {
+    root.append(
+      h("h2", {}, t("progress.open")),
+      h("p", {}, t("progress.open.next")),
+      session.station && h("a", { class: "button primary large", href: `/stations/${session.station}` }, t("progress.open.go")),
+    );
+    timer = session.station ? 0 : setTimeout(reload, PAUSE);
+  } else if (session.state === "failed") {
+    const reason = session.recordings.map((recording) => recording.summary?.problem).find(Boolean);
+    box.show(new Error(reason ?? t("progress.nothing")));
+    root.append(
+      h("h2", {}, t("progress.failed")),
+      box.element,
+      h("p", {}, t("progress.failed.next")),
+      h("a", { class: "button primary", href: `/patients/${session.patient.id}` }, t("progress.to_patient")),
+    );
+  } else if (result?.state === "failed") {
+    box.show(new Error(result.error));
+    root.append(h("h2", {}, t("progress.unusable")), box.element, h("p", {}, t("progress.unusable.next")));
+  } else {
+    const bar = progressBar(t("progress.working"));
+    root.append(h("h2", { role: "status" }, t("progress.working")), bar.element, box.element);
+    watch(bar);
+  }
+
+  async function watch(bar) {
+    try {
+      const now = result && (await api.get(`/api/results/${result.id}`));
+      if (timer === null) return;
+      box.clear();
+      bar.set(now?.progress ?? 0, t(now?.state === "running" ? "progress.running" : "progress.queued"));
+      if (!now) timer = setTimeout(reload, PAUSE);
+      else if (!["queued", "running"].includes(now.state)) reload();
+      else timer = setTimeout(() => watch(bar), PAUSE);
+      return;
+    } catch (error) {
+      box.show(error);
+    }
+    if (timer !== null) timer = setTimeout(() => watch(bar), PAUSE);
+  }
+
+  return () => {
+    clearTimeout(timer);
+    timer = null;
+  };
+}

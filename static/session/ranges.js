@@ -1,0 +1,43 @@
+/** Range of motion in words, joint by joint; the words are the report's. */
+import { h } from "../dom.js";
+import { known, t } from "../words/words.js";
+
+export function mount(root, api, { result }) {
+  const tables = result.readings.ranges;
+  root.append(...tables.map(section));
+  if (!tables.length && !result.readings.tapping.length)
+    root.append(h("div", { class: "card" }, h("p", { class: "empty" }, h("strong", {}, t("ranges.empty")), t("ranges.empty.next"))));
+  return () => {};
+}
+
+function section(told) {
+  const heading = [h("h2", {}, t(told.full ? "ranges.title" : "ranges.reached")), h("p", { class: "soft" }, told.tasks.join("; "))];
+  if (!told.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
+  const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
+    h("th", { scope: "col" }, t(word)),
+  );
+  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(told.rows).map(body));
+  return h("div", { class: "card" }, heading, table, h("p", { class: "hint" }, t("ranges.caption")));
+}
+
+/** Rows by part of the hand, in order. */
+function groups(rows) {
+  const found = new Map();
+  rows.forEach((row) => found.set(row.group, [...(found.get(row.group) ?? []), row]));
+  return [...found.values()];
+}
+
+function body(rows) {
+  return h("tbody", {}, rows.map(line));
+}
+
+function line(row) {
+  const grade = h("span", { class: `badge ${row.grade}` }, known(`grade.${row.grade}`, row.grade));
+  return h(
+    "tr",
+    {},
+    h("th", { scope: "row" }, `${row.group} ${row.joint}`.trim()),
+    [row.flexion, row.extension, row.sideways].map((words) => h("td", { class: "number" }, words || "–")),
+    h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, row.reasons.join("; "))),
+  );
+}

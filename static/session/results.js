@@ -1,0 +1,25 @@
+/** Which of several results is shown: the same recording by other methods or options. */
+import { h } from "../dom.js";
+import { field, select } from "../forms.js";
+import { dayAndTime, t } from "../words/words.js";
+
+export function mount(root, api, { session, result, go }) {
+  const all = session.recordings.flatMap((recording) => recording.results);
+  if (all.length > 1) {
+    const rows = all.map((r) => [String(r.id), resultWords(r)]);
+    const choice = select(rows, String(result?.id), { onchange: () => go(`/sessions/${session.id}?result=${choice.value}`, true) });
+    root.append(h("div", { class: "card" }, field(t("results.choose"), choice, t("results.hint"))));
+    root.classList.add("spaced");
+  }
+  return () => {};
+}
+
+export function resultWords(r) {
+  const changed = Object.entries(r.parameters).map(([name, value]) => `${name} = ${value}`);
+  return t("results.row", {
+    method: r.method,
+    options: changed.join(", ") || t("results.defaults"),
+    moment: dayAndTime(r.created),
+    state: t(`result.state.${r.state}`),
+  });
+}

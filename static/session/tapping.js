@@ -1,0 +1,112 @@
+/** Finger tapping: its figures, the distance over time with the taps marked, and the amplitude of every tap. */
+import { h } from "../dom.js";
+import { errorBox } from "../forms.js";
+import { colour, makePlot } from "../plots/plot.js";
+import { known, t } from "../words/words.js";
+
+const DECIMALS = {
+  count: 0,
+  rate: 2,
+  interval_mean: 3,
+  interval_cv: 1,
+  amplitude_mean: 1,
+  amplitude_cv: 1,
+  opening_speed_mean: 0,
+  closing_speed_mean: 0,
+  decrement_slope: 2,
+  decrement_ratio: 1,
+};
+const CHANGES = ["decrement_slope", "decrement_ratio"]; // read as smaller or larger, not as a sign
+
+export function mount(root, api, { result }) {
+  const leave = result.readings.tapping.map((trial, k, all) => {
+    const place = h("div", { class: "card" });
+    root.append(place);
+    return one(place, api, result, trial, all.length > 1 ? k + 1 : 0);
+  });
+  return () => leave.forEach((unmount) => unmount());
+}
+
+function one(root, api, result, trial, number) {
+  const box = errorBox();
+  const [curve, bars] = [h("div", { class: "tall" }), h("div", { class: "tall" })];
+  const rows = trial.figures.map((f) =>
+    h("tr", {}, h("th", { scope: "row" }, labelOf(f)), h("td", { class: "number" }, valueOf(f, trial))),
+  );
+  root.append(
+    h(
+      "h2",
+      {},
+      number ? t("tapping.trial", { title: trial.title, number }) : trial.title,
+      " ",
+      h("span", { class: `badge ${trial.grade}` }, t("tapping.signal", { grade: known(`grade.${trial.grade}`, trial.grade) })),
+    ),
+    trial.reason && h("p", { class: "warning" }, trial.reason),
+    h(
+      "div",
+      { class: "halves" },
+      h("table", {}, h("caption", { class: "heard" }, t("tapping.figures")), h("tbody", {}, rows)),
+      h("div", {}, h("h3", {}, t("tapping.amplitudes")), bars),
+    ),
+    h("h3", {}, t("tapping.curve")),
+    curve,
+    h("p", { class: "hint" }, t("tapping.caption")),
+    box.element,
+  );
+  const mm = (value) => `${value} mm`;
+  const distance = makePlot(curve, {
+    label: t("tapping.curve.label", { count: trial.amplitudes_mm.length }),
+    lines: [{ colour: "--curve-1" }],
+    words: mm,
+    xWords: (s) => `${s} s`,
+    drawn: (plot) => markClosings(plot, trial.closings),
+  });
+  const amplitudes = makePlot(bars, {
+    label: t("tapping.amplitudes.label"),
+    lines: [{ colour: "--curve-1", bars: true }],
+    words: mm,
+    around: 0.6,
+  });
+  amplitudes.set([trial.amplitudes_mm.map((_, k) => k + 1), trial.amplitudes_mm]);
+  const span = `start=${trial.onset}&stop=${trial.end}`;
+  let gone = false;
+  api.get(`/api/results/${result.id}/curves?what=aperture&${span}&points=3000`).then(
+    (told) => gone || distance.set([told.t, told.curves.aperture]),
+    (error) => gone || box.show(error),
+  );
+  return () => {
+    gone = true;
+    distance.destroy();
+    amplitudes.destroy();
+  };
+}
+
+/** Small triangles at the foot of the plot, one for every closing. */
+function markClosings(plot, closings) {
+  const { ctx, bbox } = plot;
+  const size = 5 * devicePixelRatio;
+  ctx.fillStyle = colour("--curve-mark");
+  closings.forEach((moment) => {
+    const x = plot.valToPos(moment, "x", true);
+    if (x < bbox.left || x > bbox.left + bbox.width) return;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top + bbox.height - 2 * size);
+    ctx.lineTo(x - size, bbox.top + bbox.height);
+    ctx.lineTo(x + size, bbox.top + bbox.height);
+    ctx.fill();
+  });
+}
+
+const shortOf = (figure) => figure.name.replace("tapping_", "");
+
+function labelOf(figure) {
+  return known(`tapping.${shortOf(figure)}`, shortOf(figure).replaceAll("_", " "));
+}
+
+function valueOf(figure, trial) {
+  if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
+  const size = Math.abs(figure.value).toFixed(DECIMALS[shortOf(figure)] ?? 2);
+  if (CHANGES.includes(shortOf(figure)))
+    return Number(size) === 0 ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
+  return `${size} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit}`.trim();
+}

@@ -1,0 +1,80 @@
+/** A button for exactly what can be done now, the one that leads on first and largest. */
+import { h, whenChanged } from "../dom.js";
+import { errorBox, once } from "../forms.js";
+import * as confirming from "./confirming.js";
+import { known, t } from "../words/words.js";
+
+const PRIMARY = {
+  connect: "continue",
+  pose_ready: "start",
+  pose_review: "accept",
+  task_ready: "start",
+  task_review: "accept",
+  tasks: "choose",
+};
+const ASKED = ["skip", "finish"]; // actions that ask something back first
+
+export function mount(root, api, { station }) {
+  const box = errorBox();
+  const actions = h("div", { class: "buttons-tall" });
+  root.append(actions, box.element);
+  let asking = null; // the state in which a question stands; it stays while that state lasts
+  let closeQuestion = () => {};
+  const draw = whenChanged(({ wizard, glove }) => [wizard.state, wizard.actions, next(wizard), glove.problem], buttons);
+
+  function buttons([state, allowed]) {
+    const { wizard } = station.latest;
+    if (asking === state) return;
+    const held = actions.contains(document.activeElement);
+    closeQuestion();
+    box.clear();
+    const primary = PRIMARY[state];
+    const shown = [...allowed].filter((act) => act !== "choose").sort((a, b) => (b === primary) - (a === primary));
+    const drawn = shown.map((act) =>
+      button(act, label(state, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
+    );
+    if (allowed.includes("choose") && next(wizard))
+      drawn.unshift(
+        button("choose", t("act.next", { task: next(wizard).title }), true, () => station.act("choose", { task: next(wizard).name })),
+      );
+    if (state === "connect" && !allowed.includes("continue") && !station.latest.glove.problem)
+      drawn.push(h("p", { class: "soft" }, t("wizard.waiting")));
+    actions.replaceChildren(...drawn);
+    if (held) actions.querySelector("button")?.focus();
+  }
+
+  function button(act, text, isPrimary, work) {
+    const made = h("button", { class: `large ${isPrimary ? "primary" : ""}`, "data-act": act, onclick: () => once(made, box, work) }, text);
+    return made;
+  }
+
+  /** Do it, after asking back where that is due. */
+  async function wish(act) {
+    const { wizard } = station.latest;
+    if (!ASKED.includes(act) || (act === "finish" && !open(wizard).length)) return station.act(act);
+    const asked = h("div", {});
+    const leave = confirming.mount(asked, api, { act, left: open(wizard), send: (reason) => station.act(act, { reason }), cancel });
+    actions.replaceChildren(asked);
+    asked.querySelector("input, button").focus();
+    asking = wizard.state;
+    closeQuestion = () => {
+      leave();
+      asking = null;
+      closeQuestion = () => {};
+    };
+    return null;
+  }
+
+  function cancel() {
+    const { wizard } = station.latest;
+    closeQuestion();
+    buttons([wizard.state, wizard.actions]);
+    actions.querySelector("button")?.focus();
+  }
+
+  return station.on("full", draw);
+}
+
+const label = (state, act) => known(`act.${state}.${act}`, null) ?? t(`act.${act}`);
+const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
+const next = (wizard) => open(wizard)[0] ?? null;

@@ -1,0 +1,78 @@
+/** What a station tells, as it happens, and what a person wants of it. The connection is made again whenever it is lost. */
+
+const FIRST = 300; // ms until the first new try
+const MOST = 5000;
+
+/** Hear with on("full" | "pulse" | "line" | "ended", listener); `line` is true while the connection stands. */
+export function follow(name, api) {
+  const listeners = { full: new Set(), pulse: new Set(), line: new Set(), ended: new Set() };
+  const tell = (what, value) => listeners[what].forEach((listener) => listener(value));
+  let socket = null;
+  let latest = null;
+  let newest = null;
+  let left = false;
+  let wait = FIRST;
+  let timer = 0;
+
+  function take(full) {
+    latest = full;
+    tell("full", full);
+  }
+
+  function open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    socket = new WebSocket(`${scheme}://${location.host}/api/stations/${name}/live`);
+    socket.onopen = () => {
+      wait = FIRST;
+      tell("line", true);
+    };
+    socket.onmessage = ({ data }) => {
+      const message = JSON.parse(data);
+      if (message.full) take(message.full);
+      newest = message.pulse;
+      tell("pulse", newest);
+    };
+    socket.onclose = () => left || (latest?.ended ? tell("ended", latest) : again());
+  }
+
+  /** Ask first whether the station is still there: a web socket does not say why it was refused. */
+  function again() {
+    tell("line", false);
+    timer = setTimeout(async () => {
+      wait = Math.min(2 * wait, MOST);
+      try {
+        take(await api.get(`/api/stations/${name}`));
+        if (!left) open();
+      } catch (error) {
+        if (left) return;
+        error.status === 404 ? tell("ended", latest) : again();
+      }
+    }, wait);
+  }
+
+  return {
+    name,
+    get latest() {
+      return latest;
+    },
+    on(what, listener) {
+      listeners[what].add(listener);
+      const known = { full: latest, pulse: newest }[what];
+      if (known) listener(known); // who comes late must not wait for the next change: a paused replay tells nothing
+      return () => listeners[what].delete(listener);
+    },
+    async begin() {
+      take(await api.get(`/api/stations/${name}`));
+      open();
+    },
+    async act(action, more = {}) {
+      take(await api.post(`/api/stations/${name}/actions`, { action, ...more }));
+    },
+    end: () => api.remove(`/api/stations/${name}`),
+    leave() {
+      left = true;
+      clearTimeout(timer);
+      socket?.close();
+    },
+  };
+}

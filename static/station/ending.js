@@ -1,0 +1,31 @@
+/** End the session where the wizard does not offer to finish it: what was recorded is kept. */
+import { h, whenChanged } from "../dom.js";
+import { errorBox, once } from "../forms.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { station }) {
+  const box = errorBox();
+  const opener = h("button", { class: "plain", onclick: () => show(true) }, t("ending.open"));
+  const sure = h("button", { onclick: () => once(sure, box, station.end) }, t("ending.send"));
+  const question = h(
+    "div",
+    { class: "question", hidden: true },
+    h("p", {}, t("ending.sure")),
+    h("div", { class: "buttons" }, sure, h("button", { onclick: () => show(false) }, t("go_back"))),
+  );
+  root.append(opener, question, box.element);
+
+  function show(asked) {
+    question.hidden = !asked;
+    opener.hidden = asked;
+    (asked ? sure : opener).focus();
+  }
+
+  return station.on(
+    "full",
+    whenChanged(
+      ({ wizard }) => wizard.state === "finished" || wizard.actions.includes("finish"),
+      (needless) => (root.hidden = needless),
+    ),
+  );
+}

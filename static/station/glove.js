@@ -1,0 +1,92 @@
+/** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
+import { h, whenChanged } from "../dom.js";
+import { t, whole } from "../words/words.js";
+
+const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
+const UNKNOWN_BATTERY = 255;
+
+export function mount(root, api, { station }) {
+  const state = h("span", { class: "badge" });
+  const lead = h("p", { class: "small soft" });
+  const rows = h("tbody", {});
+  const attention = h("ul", { class: "small" });
+  const columns = ["glove.strip", "glove.rate", "glove.lost"].map((word) => h("th", { scope: "col" }, t(word)));
+  const box = h(
+    "details",
+    {},
+    h("summary", {}, t("glove.title"), state),
+    lead,
+    attention,
+    h("table", { class: "compact" }, h("thead", {}, h("tr", {}, columns)), rows),
+  );
+  root.append(box);
+
+  const drawState = whenChanged(
+    ({ glove }) => [notes(glove), STRIPS.filter((strip) => found(glove, strip)).length, glove.flowing],
+    ([said, count, flowing]) => {
+      const good = flowing && !said.length;
+      state.className = `badge ${good ? "good" : "warn"}`;
+      state.textContent = flowing ? t(good ? "glove.good" : "glove.attention", { count, all: STRIPS.length }) : t("glove.silent");
+      attention.replaceChildren(...said.map((words) => h("li", {}, words)));
+    },
+  );
+  const drawRows = whenChanged(
+    ({ glove }) => STRIPS.map((strip) => row(glove, strip)),
+    (told) =>
+      rows.replaceChildren(
+        ...told.map(([words, cells]) =>
+          h(
+            "tr",
+            {},
+            h("th", { scope: "row" }, words),
+            cells.map((cell) => h("td", { class: "number" }, cell)),
+          ),
+        ),
+      ),
+  );
+  const drawLead = whenChanged(
+    ({ glove }) => [glove.name, glove.firmware, glove.battery],
+    ([name, firmware, battery]) =>
+      (lead.textContent = [
+        name,
+        firmware && t("glove.firmware", { firmware }),
+        battery !== null && battery !== UNKNOWN_BATTERY && t("glove.battery", { battery }),
+      ]
+        .filter(Boolean)
+        .join(", ")),
+  );
+  const open = whenChanged(
+    ({ wizard }) => wizard.state === "connect",
+    (connecting) => (box.open = connecting),
+  );
+  const leave = [drawState, drawRows, drawLead, open].map((draw) => station.on("full", draw));
+  return () => leave.forEach((stop) => stop());
+}
+
+const found = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
+
+/** Name, and rate and losses of a strip, or that there is none. */
+function row(glove, strip) {
+  const told = glove.strips.find((s) => s.name === strip);
+  const words = t(`strip.${strip}`);
+  if (!found(glove, strip)) return [words, [t(told ? "glove.no_signal" : "glove.not_found"), ""]];
+  return [words, [told ? t("unit.per_second_of", { rate: Math.round(told.rate) }) : t("glove.present"), told ? whole(told.lost) : ""]];
+}
+
+/** What needs attention. */
+function notes(glove) {
+  const missing = STRIPS.filter((strip) => !found(glove, strip)).map((strip) => t(`strip.${strip}`));
+  const lost = glove.strips.filter((s) => s.lost > 0).map((s) => s.name);
+  const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => s.name);
+  return [
+    missing.length && glove.flowing && t("glove.missing", { strips: missing.join(", ") }),
+    lost.length && t("glove.losing", { strips: lost.join(", ") }),
+    saturated.length && t("glove.saturated", { strips: saturated.join(", ") }),
+    glove.frames_corrupt > 0 && t("glove.corrupt", { count: whole(glove.frames_corrupt) }),
+    glove.overruns > 0 && t("glove.overruns", { count: whole(glove.overruns) }),
+    glove.dropped_live > 0 && t("glove.dropped", { count: whole(glove.dropped_live) }),
+    glove.method_failures > 0 && t("glove.method_failures", { count: whole(glove.method_failures) }),
+    glove.decoding_failures > 0 && t("glove.decoding_failures", { count: whole(glove.decoding_failures) }),
+    glove.battery !== null && glove.battery < 20 && t("glove.battery_low", { battery: glove.battery }),
+  ].filter(Boolean);
+}

@@ -1,0 +1,50 @@
+/** What to do now: one title, one sentence, what went wrong before, and how far it is. */
+import { h, whenChanged } from "../dom.js";
+import { progressBar } from "../progress_bar.js";
+import { segmentWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { station }) {
+  const heading = h("h2", {});
+  const sentence = h("p", { class: "sentence" });
+  const message = h("div", { role: "alert" });
+  const words = h("div", { "aria-live": "polite", "aria-atomic": "true" }, heading, sentence);
+  const more = h("div", { class: "soft small" });
+  const bar = progressBar(t("wizard.progress"));
+  root.append(words, more, message, bar.element);
+
+  const drawWords = whenChanged(
+    ({ wizard }) => [wizard.title, wizard.instruction],
+    ([title, instruction]) => {
+      heading.textContent = title;
+      sentence.textContent = instruction;
+    },
+  );
+  const drawMessage = whenChanged(
+    ({ wizard }) => wizard.message,
+    (text) => message.replaceChildren(...(text ? [h("p", { class: "error" }, text)] : [])),
+  );
+  const drawMore = whenChanged(
+    ({ wizard, calibration }) => [wizard.state, calibration],
+    ([state, calibration]) => more.replaceChildren(...detail(state, calibration)),
+  );
+  const drawBar = ({ wizard }) => {
+    const runs = wizard.state === "pose_hold" || (wizard.state === "task_run" && wizard.remaining !== null);
+    bar.element.hidden = !runs;
+    if (runs) bar.set(wizard.progress);
+  };
+  const leave = [drawWords, drawMessage, drawMore, drawBar].map((draw) => station.on("full", draw));
+  return () => leave.forEach((stop) => stop());
+}
+
+/** What helps to decide in this state. */
+function detail(state, calibration) {
+  if (state === "connect") return [h("p", {}, t("wizard.connect"))];
+  if (state !== "pose_review" || !calibration) return [];
+  const values = {
+    still: calibration.stillness_deg_s,
+    turned: calibration.misalignment_deg,
+    part: segmentWords(calibration.most_misaligned),
+  };
+  return [h("p", {}, t("wizard.calibration", values)), ...calibration.warnings.map((text) => h("p", { class: "warning" }, text))];
+}

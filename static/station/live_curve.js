@@ -1,0 +1,61 @@
+/** The newest seconds of the quantity under test. */
+import { h, whenChanged } from "../dom.js";
+import { makePlot } from "../plots/plot.js";
+import { curveWords, valueWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+const WINDOW = 15; // s shown
+const KEPT = 2000; // points
+
+export function mount(root, api, { station }) {
+  const name = h("h3", {});
+  const place = h("div", {});
+  const hint = h("p", { class: "soft" }, t("curve.waiting"));
+  root.append(name, h("div", { class: "plot-box" }, place, hint));
+  let what = "aperture";
+  let [times, values] = [[], []];
+  let drawn = 0;
+  const plot = makePlot(place, {
+    label: t("curve.live"),
+    lines: [{ colour: "--curve-1" }],
+    words: (value) => valueWords(what, value),
+    xWords: () => "",
+    window: (newest) => [newest - WINDOW, newest],
+    axis: 96,
+  });
+
+  const rename = whenChanged(
+    ({ curve }) => curve.what,
+    (now) => {
+      [times, values] = [[], []];
+      what = now;
+      name.textContent = curveWords(now);
+    },
+  );
+
+  function take(pulse) {
+    if (pulse.what !== what) return;
+    for (const [t, value] of pulse.points) {
+      if (times.length && t < times[times.length - 1]) [times, values] = [[], []];
+      if (times.length && t === times[times.length - 1]) continue;
+      times.push(t);
+      values.push(value);
+    }
+    if (times.length > KEPT) [times, values] = [times.slice(-KEPT), values.slice(-KEPT)];
+    if (pulse.points.length && !drawn) drawn = requestAnimationFrame(draw);
+  }
+
+  function draw() {
+    drawn = 0;
+    hint.hidden = times.length > 1;
+    const from = times.findIndex((t) => t > times[times.length - 1] - WINDOW);
+    plot.set([times.slice(from), values.slice(from)]);
+  }
+
+  const leave = [station.on("full", rename), station.on("pulse", take)];
+  return () => {
+    leave.forEach((stop) => stop());
+    cancelAnimationFrame(drawn);
+    plot.destroy();
+  };
+}

@@ -1,0 +1,23 @@
+/** Whether the hand lies still, and if not, what moves: shown while that matters. */
+import { h, whenChanged } from "../dom.js";
+import { partWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+const SHOWN = ["connect", "pose_ready", "pose_hold"];
+
+export function mount(root, api, { station }) {
+  const lamp = h("span", { class: "lamp", "aria-hidden": "true" });
+  const words = h("span", { role: "status" });
+  root.append(lamp, words);
+  const draw = whenChanged(
+    ({ wizard, glove }) => [SHOWN.includes(wizard.state), glove.flowing, wizard.still, wizard.still ? "" : wizard.restless, wizard.state],
+    ([shown, flowing, still, restless, state]) => {
+      const connecting = state === "connect"; // movement is wanted there, and nowhere else
+      root.hidden = !shown || !flowing;
+      root.className = `stillness ${still === connecting ? (connecting ? "idle" : "unwanted") : "wanted"}`;
+      lamp.textContent = still ? (connecting ? "" : "✓") : "~";
+      words.textContent = still ? t(connecting ? "still.idle" : "still.yes") : t("still.no", { part: partWords(restless || "hand") });
+    },
+  );
+  return station.on("full", draw);
+}

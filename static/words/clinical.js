@@ -1,0 +1,65 @@
+/** Clinical words for what is measured: a direction in words, never a bare plus or minus. Degrees come in, text goes out. */
+import { known, t } from "./words.js";
+
+/** "index_pip" as { finger: "Index finger", joint: "PIP" }. */
+export function jointWords(joint) {
+  const [finger, name = ""] = joint.split("_");
+  return { finger: t(`finger.${finger}`), joint: name.toUpperCase() };
+}
+
+/** A segment with a sensor: "index_distal" is "index finger". */
+export function partWords(segment) {
+  return t(`part.${segment.split("_")[0]}`);
+}
+
+/** A segment exactly: "index finger, end". */
+export function segmentWords(segment) {
+  const [part, piece] = segment.split("_");
+  return piece ? t("segment", { part: t(`part.${part}`), piece: t(`piece.${piece}`) }) : t(`part.${part}`);
+}
+
+/** "34° flexed", "4° extended", "0°". */
+export function angleWords(joint, angle, degrees) {
+  const size = Math.abs(Math.round(degrees));
+  return size ? `${size}° ${directionWords(joint, angle, degrees > 0)}` : "0°";
+}
+
+/** Which way a positive or negative angle of a joint goes. */
+export function directionWords(joint, angle, positive) {
+  const side = positive ? "pos" : "neg";
+  return known(`way.${joint}.${angle}.${side}`, null) ?? t(`way.${angle}.${side}`);
+}
+
+/** The name of a curve: "aperture" or an angle such as index_pip_flexion. */
+export function curveWords(what) {
+  if (what === "aperture") return t("curve.aperture");
+  const { joint, angle } = partsOf(what);
+  const words = jointWords(joint);
+  return t("curve.angle", { ...words, motion: motionWords(joint, angle) }).replace("  ", " ");
+}
+
+/** What tells a curve from the others beside it: the finger, the joint, or the motion. */
+export function distinctWords(what, all) {
+  const parts = all.map(partsOf);
+  const { joint, angle } = partsOf(what);
+  const fingers = new Set(parts.map((part) => part.joint.split("_")[0]));
+  const joints = new Set(parts.map((part) => part.joint));
+  return fingers.size > 1 ? jointWords(joint).finger : joints.size > 1 ? jointWords(joint).joint : motionWords(joint, angle);
+}
+
+/** What an angle of a joint measures: "flexion", "sideways", "palmar abduction", "turn". */
+export function motionWords(joint, angle) {
+  return known(`motion.${joint}.${angle}`, null) ?? t(`motion.${angle}`);
+}
+
+/** A value on a curve's axis: "40 mm", "90°", "10° ext.". */
+export function valueWords(what, value) {
+  if (what === "aperture") return `${Math.round(value)} mm`;
+  const { joint, angle } = partsOf(what);
+  return angleWords(joint, angle, value);
+}
+
+function partsOf(what) {
+  const cut = what.lastIndexOf("_");
+  return { joint: what.slice(0, cut), angle: what.slice(cut + 1) };
+}

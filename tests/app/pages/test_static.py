@@ -1,0 +1,122 @@
+"""Rules that the pages' files keep: small modules, every text in the dictionary, every colour in one file, nothing that the security policy forbids."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import static
+
+ROOT = Path(static.__file__).parent
+MODULES = sorted(p for p in ROOT.rglob("*.js") if "vendor" not in p.parts)
+STYLES = sorted(p for p in ROOT.rglob("*.css") if "vendor" not in p.parts)
+DOCUMENTS = sorted(ROOT.rglob("*.html"))
+WORDS = ROOT / "words" / "en.js"
+PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
+NOT_MOUNTED = {"fact_fields.js", "record.js", "connection.js", "words.js"}  # values that parts share
+COLOUR = re.compile(r"#[0-9a-fA-F]{3,8}\b|\b(?:rgba?|hsla?|oklch)\(")
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p != WORDS], ids=name)
+def test_a_module_is_short_and_says_what_it_is(path: Path) -> None:
+    lines = path.read_text("utf-8").splitlines()
+    assert len(lines) < 150
+    assert lines[0].startswith("/** ")
+    assert max(map(len, lines)) <= 140
+
+
+@pytest.mark.parametrize("path", PARTS, ids=name)
+def test_a_part_of_a_page_can_be_mounted(path: Path) -> None:
+    assert path.name in NOT_MOUNTED or "export function mount(root" in path.read_text("utf-8")
+
+
+@pytest.mark.parametrize("path", [p for p in (*STYLES, *MODULES, *DOCUMENTS) if p.name != "colors.css"], ids=name)
+def test_colours_stand_in_one_file(path: Path) -> None:
+    assert COLOUR.findall(path.read_text("utf-8")) == []
+
+
+def test_every_colour_that_is_used_is_defined_for_light_and_for_dark() -> None:
+    light, dark = (set(re.findall(r"(--[\w-]+):", part)) for part in (ROOT / "colors.css").read_text("utf-8").split("@media"))
+    used = {
+        c for path in (*STYLES, *MODULES) for c in re.findall(r"var\((--[\w-]+)\)|\"(--[\w-]+)\"", path.read_text("utf-8")) for c in c if c
+    }
+    assert used - light == set()
+    assert light - dark <= {"--accent-strong"} - dark
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=name)
+def test_documents_hold_nothing_that_the_security_policy_forbids(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert "style=" not in text and "<style" not in text and not re.search(r"\son\w+=", text)
+    assert re.findall(r"<script(?![^>]*\ssrc=)", text) == []
+    assert all(address.startswith("/static/") for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", text))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_modules_make_no_markup_from_text_and_load_nothing_from_elsewhere(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
+    assert "http://" not in text and "https://" not in text
+
+
+def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
+    from app.api.access import OPEN_FILES, OPEN_FOLDERS
+
+    page = ROOT / "login"
+    needed = re.findall(r"(?:src|href)=\"([^\"]+)\"", (page / "index.html").read_text("utf-8"))
+    needed += [f"/static/login/{n}" for n in re.findall(r"from \"\./([^\"]+)\"", (page / "login.js").read_text("utf-8"))]
+    assert [n for n in needed if n not in OPEN_FILES and not n.startswith(OPEN_FOLDERS)] == []
+    assert len(needed) > 4
+
+
+def test_every_address_between_the_files_leads_somewhere() -> None:
+    for path in MODULES:
+        for target in re.findall(r"(?:from|import\()\s*\"(\.[^\"]+)\"", path.read_text("utf-8")):
+            assert (path.parent / target).resolve().is_file(), f"{name(path)} imports {target}"
+    for path in DOCUMENTS:
+        for target in re.findall(r"(?:src|href)=\"/static/([^\"]+)\"", path.read_text("utf-8")):
+            assert (ROOT / target).is_file(), f"{name(path)} names {target}"
+
+
+def _dictionary() -> dict[str, str]:
+    found = re.findall(r"^  \"?([\w.]+)\"?:\s+\"((?:[^\"\\]|\\.)*)\",$", WORDS.read_text("utf-8"), re.MULTILINE)
+    keys = [key for key, _ in found]
+    assert len(keys) == len(set(keys)), "a key stands twice"
+    assert len(keys) == WORDS.read_text("utf-8").count('",\n'), "a line is not of the form key: text"
+    return dict(found)
+
+
+def _used() -> Iterator[tuple[str, str]]:
+    """Keys named in the modules, as regular expressions: `hand.${side}` is hand\\.[^.]+ (a part may hold dots itself)."""
+    for path in MODULES:
+        if path.parent.name in ("words", "login") and path.name != "clinical.js":
+            continue
+        text = path.read_text("utf-8")
+        for key in re.findall(r"\b(?:t|known)\(\s*(?:\"([\w.]+)\"|`([^`]+)`)", text):
+            yield name(path), _pattern(key[0] or key[1])
+        for key in re.findall(r"counted\(\"(\w+)\"", text):
+            yield from ((name(path), re.escape(f"{key}.{end}")) for end in ("one", "many"))
+        for key in re.findall(r"[\"`]([a-z_]+(?:\.[\w${}]+)+)[\"`]", text):
+            yield name(path), _pattern(key)
+
+
+def _pattern(key: str) -> str:
+    return "[\\\\w.]+".join(re.escape(piece) for piece in re.sub(r"\$\{(?:[^{}]|\{[^}]*\})*\}", "\0", key).split("\0")).replace(
+        "\\\\w", "\\w"
+    )
+
+
+def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() -> None:
+    words = _dictionary()
+    used = set(_used())
+    assert len(used) > 200
+    lacking = [(where, key) for where, key in used if not any(re.fullmatch(key, word) for word in words)]
+    # `known` has another word at hand where a key is missing; what ends in an extension names a file
+    assert [k for k in lacking if not re.search(r"\.(js|css|svg|zip|csv|json|pdf)$", k[1].replace("\\", ""))] == []
+    patterns = [re.compile(key) for _, key in used]
+    assert [word for word in words if word != "locale" and not any(p.fullmatch(word) for p in patterns)] == []
