@@ -1,0 +1,127 @@
+"""A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+
+from tests.browser import chromium
+from tests.journeys.house import ROOT, Server, api, begun, new_patient, shown
+
+SIZE = {"width": 1024, "height": 768}
+NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    data = tmp_path_factory.mktemp("journeys")
+    words = [sys.executable, "-m", "app.cli", "demo", "--no-browser", "--port", "0", "--data", str(data)]
+    log = data / "errors.log"
+    with log.open("w") as errors, subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
+        assert process.stdout is not None
+        first = next((line for line in process.stdout if "/login?token=" in line), None)
+        assert first is not None, log.read_text()
+        yield begun(first.split()[-1], data)
+        process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
+        assert process.wait(30) == 130, log.read_text()
+    assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as tool:
+        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield one
+        one.close()
+
+
+@pytest.fixture
+def newcomer(browser: Browser) -> Iterator[Page]:
+    """A browser that nobody has logged in."""
+    context = browser.new_context(viewport=SIZE)  # type: ignore[arg-type]
+    yield context.new_page()
+    context.close()
+
+
+@pytest.fixture
+def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]:
+    """Makes logged-in pages, with the 3-D scene or an empty one in its place; at the end none of them may have met an error."""
+    made: list[Page] = []
+    complaints: list[str] = []
+
+    def make(scene: bool = True, **options: object) -> Page:
+        context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, **options})  # type: ignore[arg-type]
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
+        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
+        page.set_default_timeout(20_000)
+        if not scene:  # drawing it without a graphics card takes a core
+            page.route("**/scene/*/", lambda route: route.fulfill(body="<!doctype html><title>Hand</title>", content_type="text/html"))
+        page.goto(server.address())
+        made.append(page)
+        return page
+
+    yield make
+    for page in made:
+        _leave_gloves(page, server)
+        page.context.close()
+    assert complaints == []
+
+
+def _leave_gloves(page: Page, server: Server) -> None:
+    """A test that failed in a session must not keep the glove from the next one."""
+    answer = page.request.get(f"{server.base}/api/stations")
+    for station in answer.json() if answer.ok else ():
+        if station["kind"] == "live":
+            page.request.delete(f"{server.base}/api/stations/{station['station']}", headers={"Origin": server.base})
+
+
+def _expected(said: ConsoleMessage) -> bool:
+    """Noise of the machine, and a request that the API refused: the page says that itself."""
+    return any(word in said.text for word in (*NOISE, "status of 401")) or (
+        "Failed to load resource" in said.text and "/api/" in said.location["url"]
+    )
+
+
+@pytest.fixture
+def page(another_page: Callable[..., Page]) -> Page:
+    return another_page()
+
+
+@pytest.fixture
+def page_without_scene(another_page: Callable[..., Page]) -> Page:
+    return another_page(scene=False)
+
+
+@pytest.fixture
+def patient(page: Page, server: Server) -> int:
+    """A patient of this test's own, with its page open."""
+    found = new_patient(page)
+    page.goto(f"{server.base}/patients/{found}")
+    return found
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated tapping recording as a Motion-BIDS zip."""
+    path = tmp_path_factory.mktemp("recordings") / "tapping.zip"
+    words = [sys.executable, "-m", "app.cli", "simulate", "tapping", "--hand", "left", "--out", str(path)]
+    subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    return path
+
+
+@pytest.fixture
+def processed(page: Page, server: Server, recording: Path) -> int:
+    """A session with results, made once and found again."""
+    if server.processed is None:
+        sent = {"file": {"name": recording.name, "mimeType": "application/zip", "buffer": recording.read_bytes()}}
+        told = page.request.post(f"{server.base}/api/patients/1/recordings", multipart=sent, headers={"Origin": server.base}).json()
+        page.goto(f"{server.base}/sessions/{told['session']}")
+        shown(page.get_by_text("Finger tapping"))
+        server.processed = told["session"]
+    assert api(page, f"/api/sessions/{server.processed}")["state"] == "processed"
+    return server.processed

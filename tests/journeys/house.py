@@ -1,0 +1,103 @@
+"""What the journeys share: the running server, and small steps that several of them take."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from playwright.sync_api import Frame, Locator, Page, expect
+
+from app.api.access import new_token
+
+ROOT = Path(__file__).parents[2]
+SIZES = {"wide": (1440, 900), "tablet": (1024, 768)}
+LONG = 60_000  # ms: a pose or a task, a computation
+
+
+@dataclass
+class Server:
+    """A server that runs: its address, its data folder, the printed address that lets in once."""
+
+    base: str
+    data: Path
+    first_address: str
+    processed: int | None = None
+
+    def address(self) -> str:
+        """Another address that lets in once."""
+        return f"{self.base}/login?token={new_token(self.data)}"
+
+
+def begun(address: str, data: Path) -> Server:
+    parts = urlsplit(address)
+    return Server(f"{parts.scheme}://{parts.netloc}", data, address)
+
+
+def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:
+    """Ask the API as the page's browser would."""
+    base = "{0.scheme}://{0.netloc}".format(urlsplit(page.url))
+    answer = page.request.fetch(base + path, method=method, headers={"Origin": base}, **more)
+    assert answer.ok, answer.text()
+    return answer.json() if answer.status != 204 else None
+
+
+def new_patient(page: Page) -> int:
+    """A patient with a code that nobody has."""
+    count = len(api(page, "/api/patients"))
+    made: int = api(page, "/api/patients", "POST", data={"pseudonym": f"J-{count:03d}", "affected_hand": "left"})["id"]
+    return made
+
+
+def shown(what: Locator, timeout: float = LONG) -> Locator:
+    """Wait until it is there."""
+    expect(what.first).to_be_visible(timeout=timeout)
+    return what.first
+
+
+def act(page: Page, name: str) -> Locator:
+    """The wizard's button for an action."""
+    return page.locator(f'[data-act="{name}"]')
+
+
+def begin_session(page: Page, hand: str, glove: str = "") -> str:
+    """From a patient's page to the station; gives its name."""
+    page.locator(f'input[name="hand"][value="{hand}"]').check()
+    page.get_by_role("radio", name=f"Virtual {glove or hand} glove").check()
+    page.get_by_role("button", name="Start session").click()
+    page.wait_for_url("**/stations/*")
+    return page.url.rsplit("/", 1)[1]
+
+
+def end_session(page: Page) -> None:
+    """End it early, from any step."""
+    page.locator('[data-act="finish"], .ending > button').filter(visible=True).click()
+    page.get_by_role("button", name=re.compile("Yes, (finish|end it)")).click()
+    page.wait_for_url("**/sessions/*")
+
+
+def figure(page: Page, name: str) -> str:
+    """The value beside a name in a table."""
+    row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name=name, exact=True))
+    return row.get_by_role("cell").first.inner_text()
+
+
+def scene_drawn(page: Page) -> Frame:
+    """Wait until the hand stands in the 3-D scene; gives the scene's frame."""
+    shown(page.locator("iframe"))
+    frame = page.locator("iframe").element_handle().content_frame()
+    assert frame is not None
+    frame.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=LONG)
+    return frame
+
+
+def keep_picture(page: Page, name: str) -> None:
+    """Screenshots at both sizes, where HANDSCOPE_SHOTS names a folder."""
+    if folder := os.environ.get("HANDSCOPE_SHOTS"):
+        before = page.viewport_size
+        for size, (width, height) in SIZES.items():
+            page.set_viewport_size({"width": width, "height": height})
+            page.screenshot(path=Path(folder) / f"{name}-{size}.png", full_page=not page.locator("iframe").count())
+        if before:
+            page.set_viewport_size(before)

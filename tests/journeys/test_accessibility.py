@@ -1,0 +1,102 @@
+"""Every page keeps WCAG 2.2 A and AA as far as axe can tell, in light and in dark; nothing scrolls sideways, targets are large."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.journeys.house import SIZES, Server, act, api, end_session, keep_picture, shown
+
+pytestmark = pytest.mark.browser
+AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
+RUN = """async () => {
+    const tags = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"];
+    const told = await axe.run({ exclude: ["iframe"] }, { runOnly: { type: "tag", values: tags }, iframes: false });
+    return { rules: told.passes.length, found: told.violations.flatMap((v) => v.nodes.map((n) => `${v.id}: ${n.html} ${n.failureSummary}`)) };
+}"""
+SMALL = """() => [...document.querySelectorAll("button, .button, select, input:not([type=radio]):not([type=checkbox]):not([type=file]), summary, label.choice")]
+    .filter((e) => e.checkVisibility() && e.type !== "range" && e.getBoundingClientRect().height < 44)
+    .map((e) => `${e.outerHTML.slice(0, 80)} ${e.getBoundingClientRect().height}`)"""
+
+
+def looked_at(page: Page, name: str) -> None:
+    """Check the page as it stands, in both schemes and sizes."""
+    page.add_script_tag(path=AXE)
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        told = page.evaluate(RUN)
+        assert told["rules"] > 5, "axe looked at nothing"
+        assert told["found"] == [], f"{name}, {scheme}"
+    page.emulate_media(color_scheme="light")
+    assert page.evaluate(SMALL) == [], name
+    for width, height in SIZES.values():
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, f"{name} scrolls sideways at {width} px"
+
+
+@pytest.fixture
+def page(another_page: Callable[..., Page]) -> Page:
+    return another_page(scene=False, bypass_csp=True)  # axe is put into the page as a script; the scene draws itself
+
+
+def test_login_page(newcomer: Page, server: Server, browser: object) -> None:
+    context = newcomer.context.browser.new_context(bypass_csp=True)  # type: ignore[union-attr]
+    page = context.new_page()
+    page.goto(f"{server.base}/login?token=wrong")
+    shown(page.get_by_role("alert"))
+    looked_at(page, "login")
+    context.close()
+
+
+def test_list_and_help_pages(page: Page, server: Server) -> None:
+    shown(page.get_by_role("link", name="Demo patient"))
+    page.get_by_role("button", name="New patient").click()
+    looked_at(page, "patients")
+    page.goto(f"{server.base}/help")
+    shown(page.get_by_role("heading", name="Step by step"))
+    looked_at(page, "help")
+    keep_picture(page, "help")
+    page.goto(f"{server.base}/stations/none")
+    shown(page.get_by_role("heading", name="This session view is closed"))
+    looked_at(page, "missing")
+
+
+def test_patient_page(page: Page, server: Server, processed: int, recording: Path) -> None:
+    page.goto(f"{server.base}/patients/1")
+    shown(page.get_by_role("radio", name="Virtual left glove"))
+    shown(page.get_by_role("link", name="2026"))
+    page.get_by_text("Hand measures").click()
+    page.get_by_role("button", name="Change").click()
+    page.get_by_label("Recording file").set_input_files(recording)
+    looked_at(page, "patient")
+    keep_picture(page, "patient")
+
+
+def test_session_page(page: Page, server: Server, processed: int) -> None:
+    page.goto(f"{server.base}/sessions/{processed}")
+    shown(page.get_by_role("heading", name="Finger tapping"))
+    for details in ("Tables and data", "Recording", "Process again", "Options of the method"):
+        page.locator("summary").filter(has_text=details).click()
+    looked_at(page, "session")
+    keep_picture(page, "session-uploaded")
+
+
+def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
+    result = api(page, f"/api/sessions/{processed}")["recordings"][0]["results"][0]["id"]
+    replay = api(page, f"/api/results/{result}/replay", "POST")["station"]
+    page.goto(f"{server.base}/stations/{replay}")
+    shown(page.locator(".cursor"))
+    looked_at(page, "replay")
+    glove = api(page, "/api/gloves")[0]["path"]
+    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})["station"]
+    page.goto(f"{server.base}/stations/{station}")
+    shown(act(page, "continue"))
+    looked_at(page, "connect")
+    for width, height in SIZES.values():
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.querySelector('iframe').getBoundingClientRect().width / innerWidth") >= 0.55
+    act(page, "continue").click()
+    shown(act(page, "start"))
+    looked_at(page, "pose")
+    end_session(page)

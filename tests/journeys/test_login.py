@@ -1,0 +1,69 @@
+"""Nobody sees anything without a login; the printed address lets in once."""
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.journeys.house import Server, api, keep_picture, shown
+
+pytestmark = pytest.mark.browser
+OPENED = """(address) => new Promise((tell) => {
+    const socket = new WebSocket(address, address.includes("/scene/") ? [PROTOCOL] : []);
+    socket.onopen = () => { socket.close(); tell("opened"); };
+    socket.onerror = () => tell("refused");
+})""".replace("PROTOCOL", '"viser-v1.1.1"')
+
+
+def test_the_printed_address_lets_in_once(newcomer: Page, server: Server) -> None:
+    address = server.address()
+    newcomer.goto(address)
+    expect(newcomer.get_by_role("heading", name="Patients")).to_be_visible()
+    newcomer.context.clear_cookies()
+    newcomer.goto(address)
+    expect(newcomer.get_by_role("alert")).to_contain_text("used before")
+    keep_picture(newcomer, "login")
+
+
+def test_a_code_can_be_pasted_as_it_was_printed(newcomer: Page, server: Server) -> None:
+    newcomer.goto(server.base)
+    newcomer.get_by_label("One-time code").fill("wrong")
+    newcomer.get_by_role("button", name="Log in").click()
+    expect(newcomer.get_by_role("alert")).to_contain_text("handscope login")
+    newcomer.get_by_label("One-time code").fill(server.address())
+    newcomer.get_by_role("button", name="Log in").click()
+    expect(newcomer.get_by_role("heading", name="Patients")).to_be_visible()
+
+
+def test_a_second_browser_without_the_cookie_sees_nothing(page: Page, newcomer: Page, server: Server) -> None:
+    gloves = api(page, "/api/gloves")
+    station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "right", "port": gloves[1]["path"]})["station"]
+    sockets = [f"{server.base.replace('http', 'ws')}/{path}" for path in (f"scene/{station}", f"api/stations/{station}/live")]
+    assert [page.evaluate(OPENED, address) for address in sockets] == ["opened", "opened"]
+
+    newcomer.goto(f"{server.base}/patients/1")
+    assert newcomer.url == f"{server.base}/login"
+    expect(newcomer.get_by_label("One-time code")).to_be_visible()
+    assert "Demo patient" not in newcomer.content()
+    for path in ("/api/patients", f"/api/stations/{station}", f"/scene/{station}/", "/static/app.js"):
+        assert newcomer.request.get(server.base + path).status == 401, path
+    assert [newcomer.evaluate(OPENED, address) for address in sockets] == ["refused", "refused"]
+    api(page, f"/api/stations/{station}", "DELETE")
+
+
+def test_who_logs_out_is_out(page: Page, server: Server) -> None:
+    page.get_by_role("button", name="Log out").click()
+    page.wait_for_url("**/login")
+    page.goto(server.base)
+    page.wait_for_url("**/login")
+
+
+@pytest.mark.parametrize("seen", [True, False], ids=["its page was seen before", "its page was not yet loaded"])
+def test_a_login_that_ended_leads_back_to_the_login_page(page: Page, seen: bool) -> None:
+    link = page.get_by_role("link", name="Demo patient")
+    if seen:
+        link.click()
+        shown(page.get_by_role("heading", name="New session"))
+        page.get_by_role("link", name="Patients").first.click()
+    shown(link)
+    page.context.clear_cookies()
+    link.click()
+    page.wait_for_url("**/login")

@@ -1,0 +1,76 @@
+"""A patient's page: facts, measures, two windows at once, search."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.journeys.house import api, keep_picture, shown
+
+pytestmark = pytest.mark.browser
+
+
+def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: Page, patient: int) -> None:
+    page.get_by_text("Hand measures").click()
+    left = page.get_by_role("group", name="Left hand")
+    left.get_by_label("Hand length (mm)").fill("181,5")
+    left.get_by_label("Palm length (mm)").fill("ten")
+    page.get_by_role("button", name="Save measures").click()
+    expect(page.get_by_text("Palm length (mm) is “ten”")).to_be_visible()
+    left.get_by_label("Palm length (mm)").fill("")
+    page.get_by_role("button", name="Save measures").click()
+    expect(page.get_by_text("Saved.")).to_be_visible()
+    assert api(page, f"/api/patients/{patient}")["hand_measures"]["left"] == {"hand_length": 0.1815}
+    keep_picture(page, "patient-measures")
+    left.get_by_label("Hand length (mm)").fill("1815")
+    page.get_by_role("button", name="Save measures").click()
+    expect(page.locator(".error")).to_contain_text("hand_length")
+
+
+def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., Page], page: Page, patient: int) -> None:
+    other = another_page()
+    other.goto(page.url)
+    for window in (page, other):
+        window.get_by_role("button", name="Change").click()
+    page.get_by_label("Year of birth").fill("1961")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_text("Born 1961")).to_be_visible()
+
+    other.get_by_label("Year of birth").fill("1962")
+    other.get_by_role("button", name="Save", exact=True).click()
+    conflict = other.locator(".error")
+    expect(conflict).to_contain_text("changed in another window")
+    expect(conflict).to_contain_text("Year of birth: stored now “1961”, yours “1962”")
+    keep_picture(other, "patient-conflict")
+    other.get_by_role("button", name="Save mine instead").click()
+    expect(other.get_by_text("Born 1962")).to_be_visible()
+    assert api(page, f"/api/patients/{patient}")["year_of_birth"] == 1962
+
+
+def test_patients_are_found_by_their_code_and_archived(page: Page, patient: int) -> None:
+    code = api(page, f"/api/patients/{patient}")["pseudonym"]
+    page.get_by_role("button", name="Move to the archive").click()
+    expect(page.get_by_text("in the archive")).to_be_visible()
+    page.get_by_role("link", name="Patients").first.click()
+    shown(page.get_by_role("link", name="Demo patient"))
+    page.get_by_role("searchbox").fill("demo pat")
+    expect(page.get_by_role("row")).to_have_count(2)
+    page.get_by_role("searchbox").fill(code)
+    expect(page.get_by_text(f"No patient code contains “{code}”")).to_be_visible()
+    keep_picture(page, "patients-unmatched")
+    page.get_by_label("Show the archive instead").check()
+    expect(page.get_by_role("link", name=code)).to_be_visible()
+
+
+def test_a_code_that_is_taken_is_refused_beside_the_form(page: Page) -> None:
+    page.get_by_role("button", name="New patient").click()
+    page.get_by_label("Patient code").fill("Demo patient")
+    page.get_by_role("button", name="Create patient").click()
+    expect(page.locator("form .error")).to_have_text("there is already a patient 'Demo patient'; choose another pseudonym")
+
+
+def test_an_address_that_leads_nowhere_says_what_to_do(page: Page, server: object) -> None:
+    page.goto(page.url + "stations/nothing")
+    expect(page.get_by_role("heading", name="This session view is closed")).to_be_visible()
+    page.get_by_role("link", name="To the list of patients").click()
+    expect(page.get_by_role("heading", name="Patients")).to_be_visible()

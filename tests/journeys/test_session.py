@@ -1,0 +1,117 @@
+"""The whole journey with a virtual glove: patient, session, calibration, tasks, numbers, report."""
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.journeys.house import LONG, Server, act, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
+
+pytestmark = pytest.mark.browser
+
+
+def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Path) -> None:
+    page.get_by_role("button", name="New patient").click()
+    keep_picture(page, "patients-new")
+    page.get_by_label("Patient code").fill("H-017")
+    page.get_by_label("Affected hand").select_option("left")
+    page.get_by_role("button", name="Create patient").click()
+    expect(page.get_by_text("No sessions yet")).to_be_visible()
+    keep_picture(page, "patient-new")
+
+    begin_session(page, "left")
+    scene_drawn(page)
+    shown(act(page, "continue"))
+    shown(page.get_by_text("all 7 strips found"))
+    shown(page.get_by_text("Moving: index finger"))
+    keep_picture(page, "station-connect")
+    act(page, "continue").click()
+
+    shown(act(page, "start"))
+    keep_picture(page, "station-pose")
+    act(page, "start").focus()
+    page.keyboard.press("Enter")  # the keyboard alone leads on: the next button has the focus
+    shown(page.get_by_role("progressbar", name="Progress"))
+    shown(act(page, "accept"))
+    keep_picture(page, "station-review")
+    expect(act(page, "accept")).to_be_focused()
+    page.keyboard.press("Enter")
+
+    shown(page.get_by_role("button", name="Next: Fist and stretch"))
+    keep_picture(page, "station-tasks")
+    _perform(page, "rom_fist", "now")
+    _skip(page, "rom_spread", "Pain")
+    _perform(page, "tapping", "taps")
+
+    act(page, "finish").click()
+    expect(page.get_by_text("Not done yet: Thumb across and away")).to_be_visible()
+    page.get_by_role("button", name="Yes, finish").click()
+    page.wait_for_url("**/sessions/*", timeout=LONG)
+    _read_results(page, tmp_path)
+
+
+def _perform(page: Page, task: str, name: str) -> None:
+    """Choose, start, wait, accept."""
+    page.locator(f'[data-task="{task}"]').click()
+    act(page, "start").click()
+    shown(page.locator(".countdown .digits"))
+    shown(page.get_by_text("Seconds left"))
+    shown(page.locator(".numbers dd"))
+    keep_picture(page, f"station-{task}")
+    shown(act(page, "accept"))
+    act(page, "accept").click()
+    expect(page.locator(f'[data-task="{task}"]')).to_contain_text("done")
+
+
+def _skip(page: Page, task: str, reason: str) -> None:
+    page.locator(f'[data-task="{task}"]').click()
+    act(page, "skip").click()
+    page.get_by_role("button", name="Skip this task").click()
+    expect(page.get_by_text("Give a reason")).to_be_visible()
+    keep_picture(page, "station-skip")
+    page.get_by_role("button", name=reason).click()
+    page.get_by_role("button", name="Skip this task").click()
+    expect(page.locator(f'[data-task="{task}"]')).to_contain_text("skipped")
+
+
+def _read_results(page: Page, folder: Path) -> None:
+    shown(page.get_by_role("heading", name="Range of motion"))
+    assert abs(int(figure(page, "Index PIP").removesuffix("°")) - 95) <= 5  # what the virtual patient bends it to
+    assert abs(int(figure(page, "Taps")) - 37) <= 4  # 2.5 a second in 15 s
+    keep_picture(page, "session")
+    with page.expect_popup() as opened, page.context.expect_event("response", lambda r: r.url.endswith("report.pdf")) as answer:
+        page.get_by_role("link", name="Report (PDF)").click()
+    assert answer.value.status == 200 and opened.value
+    pdf = page.request.get(answer.value.url).body()
+    assert pdf.startswith(b"%PDF") and len(pdf) > 10_000
+    page.get_by_text("Tables and data").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Figures (CSV)").click()
+    download.value.save_as(folder / "figures.csv")
+    assert "index_pip_flexion_max" in (folder / "figures.csv").read_text()
+    page.get_by_label("Notes on this session").fill("calm")
+    page.get_by_role("button", name="Save notes").click()
+    expect(page.get_by_text("Saved.")).to_be_visible()
+
+
+def test_the_wrong_glove_is_said_in_red_and_the_session_can_be_ended(page_without_scene: Page, server: Server) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    begin_session(page, "left", glove="right")
+    alert = shown(page.get_by_role("alert").filter(has_text="Wrong glove"))
+    expect(alert).to_contain_text("This is a right glove, the session is of the left hand")
+    expect(act(page, "continue")).to_have_count(0)
+    keep_picture(page, "station-wrong-glove")
+    end_session(page)
+
+
+def test_a_port_without_a_glove_says_so(page_without_scene: Page, server: Server, tmp_path: Path) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    page.get_by_role("radio", name="Another port").check()
+    page.get_by_label("Port", exact=True).fill(str(tmp_path / "nothing"))
+    page.get_by_role("button", name="Start session").click()
+    expect(shown(page.get_by_role("alert").filter(has_text="cannot be reached"))).to_contain_text("is the glove plugged in?")
+    end_session(page)
+    expect(shown(page.get_by_role("heading", name="This session has no usable recording"))).to_be_visible()
+    keep_picture(page, "session-failed")

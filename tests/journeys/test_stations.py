@@ -1,0 +1,52 @@
+"""Two sessions at once on one server: two gloves, two scenes, each viewer sees the right one."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from playwright.sync_api import Frame, Page, expect
+
+from tests.journeys.house import LONG, act, begin_session, end_session, new_patient, scene_drawn, shown
+
+pytestmark = pytest.mark.browser
+SMALL = {"width": 960, "height": 600}  # two scenes are drawn at once
+PALM = "() => [...window.__viserSceneTree.getState()['/hand/palm'].message.props.vertices]"
+GHOST = "(seen) => window.__viserSceneTree.getState()['/ghost'].children.length > 0 === seen"  # its parts come when they are first shown
+
+
+def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
+    left, right = another_page(viewport=SMALL), another_page(viewport=SMALL)
+    base = left.url
+    scenes: list[Frame] = []
+    for page, hand in ((left, "left"), (right, "right")):
+        page.goto(f"{base}patients/{new_patient(page)}")
+        begin_session(page, hand)
+        scenes.append(scene_drawn(page))
+    palms = [np.array(scene.evaluate(PALM)) for scene in scenes]
+    np.testing.assert_allclose(palms[0], -palms[1], atol=1e-6, err_msg="frames of a left and a right hand are each other's negative")
+
+    for scene in scenes:
+        scene.wait_for_function(GHOST, arg=False, timeout=LONG)
+    shown(act(left, "continue")).click()
+    scenes[0].wait_for_function(GHOST, arg=True, timeout=LONG)
+    assert scenes[1].evaluate(GHOST, False), "the right hand's scene follows the left hand's session"
+    shown(act(right, "continue"))
+
+    third = another_page(scene=False)
+    third.goto(f"{base}patients/1")
+    for hand in ("left", "right"):
+        expect(third.get_by_role("radio", name=f"Virtual {hand} glove")).to_be_disabled()
+    end_session(left)
+    shown(act(right, "continue"))
+    end_session(right)
+
+
+def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(another_page: Callable[..., Page]) -> None:
+    first, second = another_page(scene=False), another_page(scene=False)
+    first.goto(f"{first.url}patients/{new_patient(first)}")
+    begin_session(first, "left")
+    second.goto(first.url)
+    shown(act(second, "continue")).click()
+    shown(first.get_by_role("heading", name="Initial pose"))
+    end_session(second)
+    first.wait_for_url("**/sessions/*")
