@@ -76,7 +76,7 @@ async def live(websocket: WebSocket, name: str) -> None:
         await websocket.close(NO_SUCH, "no such station")
         return
     news, loop = asyncio.Event(), asyncio.get_running_loop()
-    leave = station.watch(lambda: loop.call_soon_threadsafe(news.set))
+    leave = station.watch(lambda: None if news.is_set() else loop.call_soon_threadsafe(news.set))
     reader = asyncio.ensure_future(_until_gone(websocket))
     try:
         await _tell(websocket, station, news, reader)

@@ -24,7 +24,7 @@ class Metric:
 
 
 BENCHES = {
-    "batch": "m2 over recordings of 16 sensors at 100 Hz: times real time, memory",
+    "batch": "b, m1 and m2 over recordings of 16 sensors at 100 Hz: times real time, memory",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "start": "start of the server to its first page",

@@ -1,4 +1,4 @@
-"""m2 in batch: times real time over a minute and peak memory over ten."""
+"""The methods in batch: times real time over a minute and peak memory over ten."""
 
 import multiprocessing
 import statistics
@@ -14,6 +14,7 @@ from estimators.hand_geometry import sized
 from estimators.methods import METHODS
 from estimators.processing import process
 from estimators.samples import Block, Event, Stream
+from estimators.simulation.magnetic_field import homogeneous
 from estimators.simulation.scenario import Simulated, simulate
 from estimators.simulation.sensors import SensorErrors
 from sessions.recording import LoadedRecording
@@ -21,7 +22,7 @@ from sessions.recording import LoadedRecording
 SENSORS = tuple(s for s in SEGMENTS if s != "forearm")
 MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")
 REPEATS = 5
-SPEED_TARGET = {"m2": 500.0}
+SPEED_TARGET = 500.0
 MEMORY_TARGET = 300.0  # MB for ten minutes
 
 
@@ -36,8 +37,8 @@ def measure() -> list[Metric]:
             began = time.perf_counter()
             process(method, params, recording)
             seconds.append(time.perf_counter() - began)
-        length = recording.truth.t[-1]
-        found.append(Metric(f"{name} speed", length / statistics.median(seconds), "x real time", SPEED_TARGET.get(name), "higher"))
+        length = float(recording.truth.t[-1])
+        found.append(Metric(f"{name} speed", length / statistics.median(seconds), "x real time", SPEED_TARGET, "higher"))
     one, ten = _memory(1), _memory(10)
     found.append(Metric("m2 memory of 10 min", ten, "MB", MEMORY_TARGET, "lower"))
     found.append(Metric("m2 memory growth", (ten - one) / 9, "MB per min", None, "lower"))
@@ -45,7 +46,7 @@ def measure() -> list[Metric]:
 
 
 def _recording(tasks: tuple[str, ...]) -> Simulated:
-    return simulate(tasks, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SENSORS)
+    return simulate(tasks, "left", sized("left"), np.random.default_rng(1), SensorErrors(), SENSORS, field=homogeneous())
 
 
 def _memory(minutes: int) -> float:

@@ -2,7 +2,7 @@
 
 glove thread:    bytes are recorded, decoded, handed to the tracker (never waits)
 tracker thread:  newest pose -> scene, curve
-station thread:  facts -> wizard -> orders, ghost, notice to viewers, 20 times a second
+station thread:  facts -> wizard -> orders, ghost, notice to viewers, 10 times a second
 requests:        `act` leaves a person's wish, `snapshot` tells where things stand
 """
 
@@ -28,7 +28,7 @@ from app.scene.hand_scene import HandScene
 from app.version import software_version
 from estimators.calibration import Calibration
 from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS, Hand
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
 from estimators.initial_pose import DEG, Pose
 from estimators.samples import Event
@@ -37,7 +37,8 @@ from estimators.trajectory import Trajectory
 from sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
-TICK = 0.05  # s
+TICK = 0.1  # s
+DRAWN = 1 / 60  # s, least time between two pictures of the scene
 FLOWING = 0.5  # s without a sample that count as silence
 MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
 WIGGLE = 10.0  # s that bending one finger after the other takes
@@ -70,6 +71,9 @@ class Station:
         self.scene = HandScene(setup.hand, setup.geometry)
         self.curve = Curve()
         self.latest: Trajectory | None = None  # the newest row
+        self._drawing = threading.Lock()
+        self._shown: Trajectory | None = None  # what the scene was given last
+        self._drawn = -np.inf  # host's clock then
         self.attempt_numbers = 0
         self._on_finish = on_finish
         self._lock = threading.RLock()
@@ -155,6 +159,8 @@ class Station:
                     self._do(orders, facts)
                     self._wiggle(facts)
                     self._draw(facts)
+                    if time.monotonic() - self._drawn > TICK:
+                        self._draw_hand()
             except Exception:  # one bad tick must not end a session that records
                 log.exception("station %s", self.name)
             self._notify()
@@ -162,10 +168,19 @@ class Station:
     def _posed(self, rows: Trajectory) -> None:
         """In the tracker's thread: draw the newest pose, remember the curve."""
         self.latest = rows
-        self.scene.show(rows.angles[-1], rows.q_GS[-1, 1])
-        self.scene.flush()
+        if time.monotonic() - self._drawn >= DRAWN:
+            self._draw_hand()
         self.curve.add(rows)
         self._notify()
+
+    def _draw_hand(self) -> None:
+        """The newest pose; a tick draws the last one, which no other follows."""
+        with self._drawing:
+            rows = self.latest
+            if rows is not None and rows is not self._shown:
+                self._drawn, self._shown = time.monotonic(), rows
+                self.scene.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
+                self.scene.flush()
 
     def _now(self) -> Facts:
         """The facts of the last tick at this moment: looking at every sensor again for every viewer would cost a core."""

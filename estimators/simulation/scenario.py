@@ -48,13 +48,14 @@ def simulate(
     segments: Sequence[str] = SEGMENTS,
     rate: float = 100.0,
     forearm_rate: float | None = None,
+    field: MagneticField | None = None,
 ) -> Simulated:
     """The tasks in order, each from and to the relaxed posture; the forearm's sensor in a stream of its own where its rate is given."""
     unknown = [name for name in task_names if name not in tasks.TASKS]
     if unknown:
         raise InputError(f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(tasks.TASKS)}")
     performances = [tasks.TASKS[name](geometry) for name in task_names]
-    return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate)
+    return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field)
 
 
 def performed(
