@@ -24,6 +24,7 @@ class Jobs:
         self._pool = self._new_pool()
 
     def __enter__(self) -> "Jobs":
+        self._submit(_warm)
         with self._store.database() as db:
             for result_id in results.unfinished(db):
                 self.process(result_id)
@@ -65,6 +66,13 @@ def _begin(folder: Path, url: str | None) -> None:
 
         threadpool_limits(1)
     _store = Store(folder, open_database(folder, url), url)
+
+
+def _warm() -> None:
+    """Load what every job needs before the first person waits for one."""
+    from app import reporting, results
+
+    assert reporting and results
 
 
 def _make(result_id: int) -> None:

@@ -13,9 +13,10 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENTS
 from estimators.run import run
 from estimators.samples import MAG, Block, Event, Recording, join
-from estimators.trajectory import Flag, Trajectory
+from estimators.trajectory import FLAG_WORDS, Trajectory
 
 WITHOUT_POSE = "the recording has no initial_pose event"
+WORTH_SAYING = 0.0005  # share of flagged samples that prints as 0.1 %
 
 
 @dataclass(frozen=True)
@@ -135,15 +136,11 @@ def _span(recording: Recording) -> tuple[float, float]:
 
 
 def _flag_warnings(moved: Trajectory) -> list[str]:
-    words = {
-        Flag.HEADING_LOST: "lost its heading after a gap too long to bridge",
-        Flag.SATURATED: "was at its limit",
-        Flag.MISSING: "had missing samples",
-    }
-    said = []
-    for k, segment in enumerate(SEGMENTS):
-        for flag, what in words.items():
-            share = float(((moved.flags[:, k] & flag) != 0).mean()) if len(moved) else 0.0
-            if share > 0:
-                said.append(f"{segment} {what} in {100 * share:.1f} % of the samples")
-    return said
+    """One sentence for all segments of which the same is to be said."""
+    alike: dict[str, list[str]] = {}
+    for flag, what in FLAG_WORDS.items():
+        shares = ((moved.flags & flag) != 0).mean(axis=0) if len(moved) else np.zeros(len(SEGMENTS))
+        for segment, share in zip(SEGMENTS, shares):
+            if share >= WORTH_SAYING:
+                alike.setdefault(f"{what} in {100 * share:.1f} % of the samples", []).append(segment)
+    return [f"{', '.join(segments)}: {said}" for said, segments in alike.items()]

@@ -21,6 +21,15 @@ class Flag(IntFlag):
     MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
 
 
+FLAG_WORDS = {
+    Flag.HEADING_LOST: "heading lost after a gap",
+    Flag.MISSING: "samples missing and bridged",
+    Flag.SATURATED: "sensor at its limit",
+    Flag.UNCALIBRATED: "no calibration",
+    Flag.MAGNETIC: "magnetic disturbance",
+}
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Samples of the hand's movement; NaN where a segment is not measured."""

@@ -15,13 +15,12 @@ from estimators.calibration import SensorQuality
 from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
-from estimators.measures.figure import WORDS as FLAG_WORDS
 from estimators.measures.range_of_motion import Range
 from estimators.methods import METHODS
 from estimators.options import Description, describe
 from estimators.processing import Processed
 from estimators.quaternions import Array
-from estimators.trajectory import Flag, Trajectory
+from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
 from sessions.recording import LoadedRecording
 
 CURVE_POINTS = 500  # of a curve on the page: finer than the print

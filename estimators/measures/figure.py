@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.trajectory import Flag
+from estimators.trajectory import FLAG_WORDS
 
 Grade = Literal["good", "fair", "poor"]
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
@@ -31,7 +31,7 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     if not flags.size:
         return "poor", "no samples"
     found = []
-    for flag, words in WORDS.items():
+    for flag, words in FLAG_WORDS.items():
         share = float(((flags & flag) != 0).any(axis=1).mean())
         if share > 0:
             found.append((share, words))
@@ -40,12 +40,3 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     share, words = max(found)
     reason = f"{words} in {100 * share:.0f} % of the samples"
     return ("good" if share <= TRUSTED else "fair" if share <= USABLE else "poor"), reason
-
-
-WORDS = {
-    Flag.HEADING_LOST: "heading lost after a gap",
-    Flag.MISSING: "samples missing and bridged",
-    Flag.SATURATED: "sensor at its limit",
-    Flag.UNCALIBRATED: "no calibration",
-    Flag.MAGNETIC: "magnetic disturbance",
-}

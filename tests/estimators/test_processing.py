@@ -71,13 +71,13 @@ def test_what_was_missing_lost_or_at_its_limit_is_told_by_segment() -> None:
     imu = recording.samples["imu"]
     values = imu.values.copy()
     names = imu.stream.sensors
-    values[1000:1005, names.index("ring_middle")] = np.nan
+    values[1000:1005, [names.index("ring_middle"), names.index("ring_distal")]] = np.nan
     values[1100:1200, names.index("little_distal")] = np.nan
     values[900, names.index("thumb_distal"), 0] = imu.stream.full_scale["gyr"]
     done = process(m2, PARAMS, with_samples(recording, {**recording.samples, "imu": Block(imu.stream, imu.t, values)}))
     assert set(done.warnings) == {
-        "thumb_distal was at its limit in 0.1 % of the samples",
-        "ring_middle had missing samples in 0.4 % of the samples",
-        "little_distal had missing samples in 7.0 % of the samples",
-        "little_distal lost its heading after a gap too long to bridge in 22.5 % of the samples",
+        "thumb_distal: sensor at its limit in 0.1 % of the samples",
+        "ring_middle, ring_distal: samples missing and bridged in 0.4 % of the samples",
+        "little_distal: samples missing and bridged in 7.0 % of the samples",
+        "little_distal: heading lost after a gap in 22.5 % of the samples",
     }

