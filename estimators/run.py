@@ -18,6 +18,9 @@ from estimators.samples import GYR, Block, Stream
 from estimators.trajectory import Trajectory
 
 
+PIECE = 1024  # samples at a time: what a step makes of them stays in the processor's cache
+
+
 class Samples(Protocol):
     """The part of a recording that a method needs; `blocks` may be called more than once."""
 
@@ -43,8 +46,8 @@ def _forwards(
 ) -> Iterator[Trajectory]:
     state = method.start(params, calibration, streams)
     for block in blocks:
-        if len(block.t):
-            state, piece = method.step(params, state, block)
+        for part in block.parts(PIECE):
+            state, piece = method.step(params, state, part)
             yield piece
     _, piece = method.finish(params, state)
     yield piece

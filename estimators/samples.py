@@ -58,6 +58,11 @@ class Block:
         k = np.searchsorted(self.t, [start, stop])
         return Block(self.stream, self.t[k[0] : k[1]], self.values[k[0] : k[1]])
 
+    def parts(self, length: int) -> "Iterator[Block]":
+        """The same samples in blocks of at most `length`; none of an empty block."""
+        for k in range(0, len(self.t), length):
+            yield Block(self.stream, self.t[k : k + length], self.values[k : k + length])
+
 
 @dataclass(frozen=True)
 class Event:
