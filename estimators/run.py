@@ -17,7 +17,6 @@ from estimators.calibration import Calibration
 from estimators.samples import GYR, Block, Stream
 from estimators.trajectory import Trajectory
 
-
 PIECE = 1024  # samples at a time: what a step makes of them stays in the processor's cache
 
 
