@@ -11,18 +11,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from estimators import forward_kinematics, initial_pose, joint_angles, magnetometers, sensor_fusion, time_base
+from estimators import forward_kinematics, heading_constraints, initial_pose, joint_angles, magnetometers, sensor_fusion, time_base
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
-from estimators.trajectory import Trajectory, empty, join
+from estimators.trajectory import Flag, Trajectory, empty, join
+
+UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(sensor_fusion.FusionParams, initial_pose.PoseParams):
+class Params(sensor_fusion.FusionParams, initial_pose.PoseParams, heading_constraints.HeadingParams):
     MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
     constraints: bool = option(
         True,
@@ -41,6 +43,7 @@ class State:
     sensors: Mapping[str, sensor_fusion.StreamState]  # by stream
     rows: time_base.State
     magnetic: magnetometers.State | None = None  # None: headings come from the pose alone
+    headings: heading_constraints.State | None = None  # None: nothing corrects them
 
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
@@ -52,7 +55,8 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     magnetic = magnetometers.start(streams) if params.MAGNETOMETER else None
     used = [magnetometers.joined_stream(s) for s in inertial] if params.MAGNETOMETER else inertial
     sensors = {s.name: _sensors(params, calibration, s) for s in used}
-    return State(calibration, q_SB, sensors, time_base.start(used), magnetic)
+    corrected = params.heading_correction and not params.MAGNETOMETER
+    return State(calibration, q_SB, sensors, time_base.start(used), magnetic, heading_constraints.start() if corrected else None)
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
@@ -71,7 +75,8 @@ def release(params: Params, state: State, patience: float) -> tuple[State, Traje
         state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
         pieces.append(piece)
     rows, given = time_base.release(state.rows, patience)
-    return replace(state, rows=rows), join([*pieces, _hand(params, state, given)], state.calibration.hand)
+    state, piece = _hand(params, replace(state, rows=rows), given)
+    return state, join([*pieces, piece], state.calibration.hand)
 
 
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
@@ -87,21 +92,22 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
         rows, given = time_base.step(rows, fusion.stream, oriented)
         last.append(given)
     rows, given = time_base.finish(rows)
-    state = replace(state, sensors=sensors, rows=rows)
-    return state, join([*pieces, _hand(params, state, time_base.join([*last, given]))], state.calibration.hand)
+    state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), time_base.join([*last, given]))
+    return state, join([*pieces, piece], state.calibration.hand)
 
 
 def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Trajectory]:
     """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
-    sensors, rows, pieces = dict(state.sensors), state.rows, []
+    sensors, pieces = dict(state.sensors), []
     for block in blocks:
         fusion = sensors.get(block.stream.name)
         if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
             fusion = _sensors(params, state.calibration, block.stream)
         sensors[block.stream.name], oriented = sensor_fusion.step(params, fusion, block)
-        rows, given = time_base.step(rows, block.stream, oriented)
-        pieces.append(_hand(params, state, given))
-    return replace(state, sensors=sensors, rows=rows), join(pieces, state.calibration.hand)
+        rows, given = time_base.step(state.rows, block.stream, oriented)
+        state, piece = _hand(params, replace(state, rows=rows), given)
+        pieces.append(piece)
+    return replace(state, sensors=sensors), join(pieces, state.calibration.hand)
 
 
 def _sensors(params: Params, calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
@@ -109,11 +115,14 @@ def _sensors(params: Params, calibration: Calibration, stream: Stream) -> sensor
     return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north)
 
 
-def _hand(params: Params, state: State, rows: time_base.Rows) -> Trajectory:
+def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:
     """Pose of the hand from the sensors' orientations."""
     if not len(rows.t):
-        return empty(state.calibration.hand)
-    q_GB = quat.multiply(rows.q_GS, state.q_SB)
+        return state, empty(state.calibration.hand)
+    q_GB, flags = quat.multiply(rows.q_GS, state.q_SB), rows.flags
+    if state.headings is not None:
+        headings, q_GB, lost = heading_constraints.step(params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0)
+        state, flags = replace(state, headings=headings), (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost
     angles = joint_angles.of_segments(q_GB)
     if params.constraints:
         angles = joint_angles.constrained(angles)
@@ -122,4 +131,4 @@ def _hand(params: Params, state: State, rows: time_base.Rows) -> Trajectory:
     q_GS = np.where(np.isnan(chained), q_GB, chained) if params.constraints else q_GB
     q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
     tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
-    return Trajectory(state.calibration.hand, rows.t, joint_angles.only_freedoms(angles), q_GS, tips, rows.flags)
+    return state, Trajectory(state.calibration.hand, rows.t, joint_angles.only_freedoms(angles), q_GS, tips, flags)

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from vqf import VQF
 
 from estimators import quaternions as quat
+from estimators.bridging import bridge, missed
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Stream
 from estimators.trajectory import Flag
 
+LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
 
 
@@ -57,7 +59,10 @@ class SensorState:
     filter_state: Mapping[str, Any] | None = None
     last: Array | None = None  # (6,) newest complete sample, bias still in it
     last_t: float = -np.inf
+    previous: Array | None = None  # (6,) the one before, where nothing is missing between them
+    previous_t: float = -np.inf
     q_GS: Array | None = None  # (4,) newest orientation
+    doubt: float = 0.0  # rad^2, variance of the heading that gaps have cost so far
     lost: bool = False  # a gap was too long; true until the next calibration or magnetometer sample
     northed: bool = False  # a magnetometer has given the heading
     absent: bool = True  # at this moment there is nothing to bridge from
@@ -79,6 +84,7 @@ class Oriented:
     t: Array  # (n,)
     q_GS: Array  # (n, sensors, 4)
     flags: NDArray[np.uint8]  # (n, sensors)
+    doubt: Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
     sampled: NDArray[np.bool_]  # (n,) false at instants where the recording has no sample
 
 
@@ -121,15 +127,15 @@ def _advance(
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
-    sensors, q_GS = [], np.empty((count, len(state.sensors), 4))
+    sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
     flags = np.uint8(Flag.SATURATED) * _saturated(settled) | np.uint8(Flag.MISSING) * ~whole[:count]
     for k, sensor in enumerate(state.sensors):
-        after, q_GS[:, k], more = _fuse(params, sensor, settled, whole[:count, k], k)
+        after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, block, whole[:, k], k, count)
         flags[:, k] |= more
         sensors.append(after)
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(state.stream, tuple(sensors), newest, held if len(held.t) else None, sampled[count:])
-    return after_all, Oriented(settled.t, q_GS, flags, sampled[:count])
+    return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
 
 
 def _with_missing_instants(params: FusionParams, state: StreamState, block: Block) -> tuple[Block, NDArray[np.bool_]]:
@@ -168,40 +174,52 @@ def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[
 
 
 def _before_gap(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_], count: int) -> int:
-    """`count`, or where the sensor's gap begins that reaches beyond the first `count` rows and may be bridged."""
+    """`count`, or where the sensor's gap begins that may be bridged and reaches beyond the first `count` rows or to the last row but one."""
     good = np.flatnonzero(whole[:count])
     first = int(good[-1]) + 1 if len(good) else 0
     if first == count:
-        return count
+        return _before_last_gap(params, sensor, t, good, count) if count == len(t) else count
     before = t[good[-1]] if len(good) else (-np.inf if sensor.absent else sensor.last_t)
     behind = np.flatnonzero(whole[count:])
     end = t[count + behind[0]] if len(behind) else t[-1]
     return first if end - before <= params.max_gap else count
 
 
+def _before_last_gap(params: FusionParams, sensor: SensorState, t: Array, good: NDArray[np.int_], count: int) -> int:
+    """`count`, or where the gap begins that ends just before the last row: the row behind it has yet to tell the slope."""
+    first = int(good[-2]) + 1 if len(good) > 1 else 0
+    if first == count - 1:
+        return count
+    before = t[first - 1] if first > 0 else (-np.inf if sensor.absent else sensor.last_t)
+    return first if t[count - 1] - before <= params.max_gap else count
+
+
 def _fuse(
-    params: FusionParams, sensor: SensorState, block: Block, whole: NDArray[np.bool_], k: int
-) -> tuple[SensorState, Array, NDArray[np.uint8]]:
-    """Bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
-    n = len(block.t)
-    q_GS, flags = np.full((n, 4), np.nan), np.zeros(n, np.uint8)
-    samples = block.values[:, k, : 9 if MAG in block.stream.quantities else 6]
-    for first, last, known in _stretches(params, sensor, block.t, whole):
+    params: FusionParams, sensor: SensorState, block: Block, whole: NDArray[np.bool_], k: int, count: int
+) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
+    """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
+    q_GS, flags, doubt = np.full((count, 4), np.nan), np.zeros(count, np.uint8), np.empty(count)
+    for first, last, known in _stretches(params, sensor, block.t[:count], whole[:count]):
         if known:
             late = sensor.start is not None and sensor.filter_state is None and block.t[first] - sensor.known_until > params.max_gap
-            sensor = replace(sensor, lost=bool(sensor.lost or late))
-            filled = _bridged(sensor, block.t, samples, whole, first, last)
+            sensor = replace(sensor, lost=bool(sensor.lost or late), doubt=sensor.doubt + (LOST_DOUBT if late else 0.0))
+            filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
+            sensor = replace(sensor, doubt=float(doubt[last - 1]))
             sensor, q_GS[first:last] = _filter(params, sensor, block, filled, first, last)
             northed = filled.shape[1] > 6 and bool(np.isfinite(filled[:, 6:]).all(axis=1).any())
             sensor = replace(sensor, lost=sensor.lost and not northed, northed=sensor.northed or northed)
         else:
-            sensor = replace(sensor, absent=True, lost=sensor.lost or sensor.q_GS is not None)
+            begins = not sensor.absent and sensor.q_GS is not None
+            sensor = replace(
+                sensor, absent=True, lost=sensor.lost or sensor.q_GS is not None, doubt=sensor.doubt + (LOST_DOUBT if begins else 0.0)
+            )
+            doubt[first:last] = sensor.doubt
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
         if sensor.lost:
             flags[first:last] |= np.uint8(Flag.HEADING_LOST)
         if sensor.start is None and not sensor.northed:
             flags[first:last] |= np.uint8(Flag.UNCALIBRATED)
-    return sensor, q_GS, flags
+    return sensor, q_GS, flags, doubt
 
 
 def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
@@ -217,18 +235,23 @@ def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArr
     return [(int(a), int(b), bool(known[a])) for a, b in itertools.pairwise(cuts) if b > a]
 
 
-def _bridged(sensor: SensorState, t: Array, samples: Array, whole: NDArray[np.bool_], first: int, last: int) -> Array:
-    """Rows first..last with gaps filled in by straight lines between the samples around them."""
-    inside = samples[first:last]
-    good = whole[first:last]
-    if good.all():
-        return np.asarray(inside)
-    t_known, known = t[first:last][good], inside[good]
-    if not good[0]:
-        assert sensor.last is not None
-        t_known, known = np.concatenate([[sensor.last_t], t_known]), np.concatenate([sensor.last[None], known[:, :6]])
-    bridged = np.stack([np.interp(t[first:last], t_known, known[:, axis]) for axis in range(6)], axis=-1)
-    return np.concatenate([bridged, inside[:, 6:]], axis=-1)
+def _bridged(sensor: SensorState, block: Block, k: int, whole: NDArray[np.bool_], first: int, last: int) -> tuple[Array, Array]:
+    """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading that gaps have cost so far."""
+    inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
+    if whole[first:last].all():
+        return inside, np.full(last - first, sensor.doubt)
+    rows = slice(first, last + 1)  # one row behind tells the slope
+    t = np.concatenate([[sensor.previous_t, sensor.last_t], block.t[rows]])
+    values = np.concatenate([[_or_nan(sensor.previous)], [_or_nan(sensor.last)], block.values[rows, k, :6]])
+    known = np.concatenate([[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]])
+    filled = bridge(t, values, known)
+    steps = missed(t[1:], values[1:, :3] - sensor.bias, known[1:])[1 : 1 + last - first]
+    doubt = np.cumsum(np.concatenate([[sensor.doubt], steps]))[1:]
+    return np.concatenate([filled[2 : 2 + last - first], inside[:, 6:]], axis=-1), doubt
+
+
+def _or_nan(sample: Array | None) -> Array:
+    return np.full(6, np.nan) if sample is None else sample
 
 
 def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Array, first: int, last: int) -> tuple[SensorState, Array]:
@@ -245,8 +268,16 @@ def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Ar
     vqf.state = dict(_filter_start(vqf.state, sensor, samples[0]))
     gyr, acc = _midway(sensor, samples[:, :3]) - sensor.bias, np.ascontiguousarray(samples[:, 3:6])
     q_GS = vqf.updateBatch(gyr, acc)["quat6D"] if samples.shape[1] == 6 else _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+    before, before_t = (samples[-2, :6].copy(), float(block.t[last - 2])) if last - first > 1 else (sensor.last, sensor.last_t)
     after = replace(
-        sensor, filter_state=vqf.state, last=samples[-1, :6].copy(), last_t=float(block.t[last - 1]), q_GS=q_GS[-1].copy(), absent=False
+        sensor,
+        filter_state=vqf.state,
+        last=samples[-1, :6].copy(),
+        last_t=float(block.t[last - 1]),
+        previous=None if last - first == 1 and sensor.absent else before,
+        previous_t=before_t,
+        q_GS=q_GS[-1].copy(),
+        absent=False,
     )
     return after, q_GS
 

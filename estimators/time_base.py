@@ -43,6 +43,7 @@ class Rows:
     t: Array  # (n,)
     q_GS: Array  # (n, segments, 4), NaN where no sensor
     flags: NDArray[np.uint8]  # (n, segments)
+    doubt: Array  # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
 
 
 def start(streams: Iterable[Stream]) -> State:
@@ -93,7 +94,9 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
     t = reference.data.t[row]
     if not len(t):
         return state, _no_rows()
-    rows = Rows(t, np.full((len(t), len(SEGMENTS), 4), np.nan), np.zeros((len(t), len(SEGMENTS)), np.uint8))
+    rows = Rows(
+        t, np.full((len(t), len(SEGMENTS), 4), np.nan), np.zeros((len(t), len(SEGMENTS)), np.uint8), np.zeros((len(t), len(SEGMENTS)))
+    )
     for waiting in state.waiting.values():
         _place(rows, waiting)
     kept = {name: _prune(w, reached) for name, w in state.waiting.items()}
@@ -110,6 +113,7 @@ def _place(rows: Rows, waiting: Waiting) -> None:
     after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
     if np.array_equal(data.t[after], t):  # the stream has samples at just these instants: the same bits without interpolation
         rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[after][:, sensors], data.flags[after][:, sensors]
+        rows.doubt[:, segments] = data.doubt[after][:, sensors]
         return
     before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
     span = data.t[after] - data.t[before]
@@ -124,14 +128,15 @@ def _place(rows: Rows, waiting: Waiting) -> None:
     elsewhere = ((t < data.t[0]) | (t > data.t[-1]))[:, None] & np.isfinite(rows.q_GS[:, segments, 0])
     rows.q_GS[:, segments] = np.where(elsewhere[..., None], rows.q_GS[:, segments], q_GS)
     rows.flags[:, segments] = np.where(elsewhere, rows.flags[:, segments], flags)
+    rows.doubt[:, segments] = np.where(elsewhere, rows.doubt[:, segments], data.doubt[after][:, sensors])
 
 
 def _no_rows() -> Rows:
-    return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8))
+    return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8), np.empty((0, len(SEGMENTS))))
 
 
 def _nothing(sensors: int) -> Oriented:
-    return Oriented(np.empty(0), np.empty((0, sensors, 4)), np.empty((0, sensors), np.uint8), np.empty(0, bool))
+    return Oriented(np.empty(0), np.empty((0, sensors, 4)), np.empty((0, sensors), np.uint8), np.empty((0, sensors)), np.empty(0, bool))
 
 
 def _append(a: Oriented, b: Oriented) -> Oriented:

@@ -151,19 +151,24 @@ def _without(recording: Simulated, start: float, seconds: float, sensor: str) ->
 
 def test_a_short_gap_is_bridged_and_marked() -> None:
     recording = pose_and_wiggle("left")
-    moved = tracked(_without(recording, 8.4, 0.2, "index_middle"))  # while the index bends
+    moved = tracked(_without(recording, 8.4, 0.15, "index_middle"))  # while the index bends
     middle = SEGMENT["index_middle"]
-    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 3 * DEG  # a straight line over 0.2 s of a movement of 3.3 rad/s
-    assert (((moved.flags[:, middle] & Flag.MISSING) != 0) == ((moved.t >= 8.4) & (moved.t < 8.6))).all()
+    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.5 * DEG  # the cubic; a straight line misses 1.6 deg
+    assert (((moved.flags[:, middle] & Flag.MISSING) != 0) == ((moved.t >= 8.4) & (moved.t < 8.55 - 1e-9))).all()
     assert not (moved.flags & Flag.HEADING_LOST).any()
     assert not np.delete(moved.flags, middle, axis=1).any()
 
 
-def test_after_a_long_gap_the_heading_is_said_to_be_lost() -> None:
+@pytest.mark.parametrize("from_t", [8.4, 8.45])
+def test_after_a_long_gap_the_heading_is_said_to_be_lost_until_the_joints_tell_it(from_t: float) -> None:
     recording = pose_and_wiggle("left")
-    whole, moved = tracked(recording), tracked(_without(recording, 8.4, 0.4, "index_middle"))
-    middle = SEGMENT["index_middle"]
-    assert (((moved.flags[:, middle] & Flag.HEADING_LOST) != 0) == (moved.t >= 8.4)).all()
+    whole, moved = tracked(recording), tracked(_without(recording, from_t, 0.4, "index_middle"))
+    lost = (moved.flags[:, SEGMENT["index_middle"]] & Flag.HEADING_LOST) != 0
+    assert not lost[moved.t < from_t - 0.001].any()
+    assert lost[(moved.t >= from_t - 0.001) & (moved.t <= from_t + 0.4)].all()
+    assert not lost[moved.t > from_t + 1.5].any()
+    uncorrected = tracked(_without(recording, from_t, 0.4, "index_middle"), m2.Params(heading_correction=False))
+    assert ((uncorrected.flags[moved.t >= from_t, SEGMENT["index_middle"]] & Flag.HEADING_LOST) != 0).all()
     others = [j for j, joint in enumerate(JOINTS) if "index_middle" not in (joint.parent, joint.child)]
     np.testing.assert_array_equal(moved.angles[:, others], whole.angles[:, others])
     assert np.isfinite(moved.q_GS).all()
@@ -207,7 +212,7 @@ def test_a_strip_plugged_in_later_is_tracked_and_said_to_be_uncalibrated() -> No
 
 @pytest.mark.parametrize("factor", [1, 2])
 def test_a_strip_described_anew_while_running_goes_on(factor: int) -> None:
-    """The same strip from 6 s on, at another rate or as another stream object: its angles go on, its heading is said to be lost."""
+    """The same strip from 6 s on, at another rate or as another stream object: its angles go on, its heading is said to be lost at first."""
     recording = in_strips("left")
     index = recording.samples["index"]
     anew = replace(index.stream, rate=100.0 / factor, full_scale={})
@@ -216,7 +221,7 @@ def test_a_strip_described_anew_while_running_goes_on(factor: int) -> None:
     moved = _stepped(recording, pieces)
     columns = [SEGMENT[s] for s in STRIPS["index"]]
     after = moved.t >= 6.0
-    assert (moved.flags[after][:, columns] & Flag.HEADING_LOST).all()
+    assert (moved.flags[after][0, columns] & Flag.HEADING_LOST).all()
     truth = recording.truth.angles[np.searchsorted(recording.truth.t, moved.t)]
     assert np.nanmax(np.abs(moved.angles - truth)[after][:, JOINT["index_pip"]]) < 5 * DEG
 

@@ -79,5 +79,5 @@ def test_what_was_missing_lost_or_at_its_limit_is_told_by_segment() -> None:
         "thumb_distal: sensor at its limit in 0.1 % of the samples",
         "ring_middle, ring_distal: samples missing and bridged in 0.4 % of the samples",
         "little_distal: samples missing and bridged in 7.0 % of the samples",
-        "little_distal: heading lost after a gap in 22.5 % of the samples",
+        "little_distal: heading lost after a gap in 8.5 % of the samples",
     }

@@ -20,7 +20,9 @@ def _turning(stream: Stream, start: float, stop: float, rate: float = 1.0, flag:
     """Sensors that turn about z at `rate` rad/s from heading 0 at t = 0."""
     t = np.arange(round(start * stream.rate), round(stop * stream.rate)) / stream.rate
     q = np.repeat(quat.about(2, rate * t)[:, None], len(stream.sensors), axis=1)
-    return Oriented(t, q, np.full((len(t), len(stream.sensors)), flag, np.uint8), np.ones(len(t), bool))
+    return Oriented(
+        t, q, np.full((len(t), len(stream.sensors)), flag, np.uint8), np.zeros((len(t), len(stream.sensors))), np.ones(len(t), bool)
+    )
 
 
 def _rows(streams: tuple[Stream, ...], fed: list[tuple[Stream, Oriented]]) -> tuple[list[time_base.Rows], time_base.Rows]:

@@ -1,0 +1,130 @@
+"""Relative headings of neighbouring segments, kept by what their joint cannot do.
+
+In      orientations of the segments from a fusion without magnetometer, and how much heading each sensor may have lost so far
+Out     the orientations with corrected headings, and which headings are not known
+Source  ours: one scalar Kalman filter a joint; that joints tell relative headings: Laidig, Lehmann, Begin & Seel 2019 (EMBC), Lehmann, Laidig & Seel
+        2020 (IFAC-PapersOnLine 53:2); their batch versions are in the package qmt
+Limits  a joint whose free axis stands upright tells nothing; the thumb's CMC joint is held by its range alone; the hand's own heading stays what it is
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import joint_angles
+from estimators import quaternions as quat
+from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINT, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
+from estimators.options import option
+from estimators.quaternions import Array
+
+DEG = np.pi / 180
+UPDATE = 0.2  # s of recording between two looks at the joints
+VERTICAL = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeadingParams:
+    heading_correction: bool = option(True, "", "correct relative headings by what the joints cannot do", "ours; the paper has none")
+    heading_walk: float = option(
+        0.1, "deg/sqrt(s)", "random walk of a relative heading without magnetometer", "ours: what is left of the gyroscopes' biases"
+    )
+    joint_play: float = option(
+        5.0,
+        "deg",
+        "turn about an axis that is no freedom of its joint, from misalignment and soft tissue",
+        "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5; size ours",
+    )
+    joint_play_time: float = option(1.0, "s", "time over which that turn stays alike", "ours: half a movement")
+    heading_known: float = option(10.0, "deg", "a relative heading of larger standard deviation counts as lost", "ours")
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything by joint."""
+
+    delta: Array  # (joints,) rad, heading by which the child is turned further on its parent
+    variance: Array  # (joints,) rad^2
+    doubt: Array  # (segments,) rad^2, heading lost by each sensor so far
+    t: float = -np.inf  # s, newest look
+
+
+def start() -> State:
+    """At the initial pose: relative headings are what the pose says."""
+    return State(np.zeros(len(JOINTS)), np.zeros(len(JOINTS)), np.zeros(len(SEGMENTS)))
+
+
+def step(
+    params: HeadingParams, state: State, t: Array, q_GB: Array, doubt: Array, usable: NDArray[np.bool_]
+) -> tuple[State, Array, NDArray[np.bool_]]:
+    """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
+    and which of their headings are lost (n, segments); joints are looked at where both segments are `usable` (n, segments)."""
+    looks = _looks(state.t, t)
+    q_pc, turned, up = _relative(np.where(usable[looks][..., None], q_GB[looks], np.nan))
+    states = [state]
+    for k, row in enumerate(looks):
+        states.append(_looked(params, states[-1], float(t[row]), q_pc[k], turned[k], up[k], doubt[row]))
+    newest = np.searchsorted(looks, np.arange(len(t)), side="right")  # the look that counts in each row
+    corrected = quat.multiply(quat.about(2, _by_segment(np.array([s.delta for s in states]))[newest]), q_GB)
+    return states[-1], corrected, _lost(params, states, newest, doubt)
+
+
+def _lost(params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array) -> NDArray[np.bool_]:
+    """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
+    since = np.nan_to_num(np.maximum(doubt - np.array([s.doubt for s in states])[newest], 0.0))
+    variance = np.array([s.variance for s in states])[newest] + since[:, PARENTS] + since[:, CHILDREN]
+    return np.asarray(_by_segment(1.0 * (variance > (params.heading_known * DEG) ** 2)) != 0)
+
+
+def _looks(t_last: float, t: Array) -> NDArray[np.int_]:
+    """Rows at which the joints are looked at: the first in each stretch of UPDATE, wherever the blocks are cut."""
+    slot = np.floor(t / UPDATE + 1e-9)
+    before = np.concatenate([[np.floor(t_last / UPDATE + 1e-9)], slot[:-1]])
+    return np.flatnonzero(slot > before)
+
+
+def _relative(q_GB: Array) -> tuple[Array, Array, Array]:
+    """Child on parent q_pc (n, joints, 4), the same after the child was turned half a turn about the vertical, the vertical in the parent (n, joints, 3)."""
+    parent, child = q_GB[:, PARENTS], q_GB[:, CHILDREN]
+    up = quat.rotate(quat.conjugate(parent), VERTICAL[1:])
+    return quat.relative(parent, child), quat.relative(parent, quat.multiply(VERTICAL, child)), up
+
+
+def _looked(params: HeadingParams, state: State, t: float, q_pc: Array, turned: Array, up: Array, doubt: Array) -> State:
+    """One Kalman step of every joint: `q_pc` and `turned` (joints, 4) span all headings of the child, `up` (joints, 3) is the vertical in the parent."""
+    seconds = t - state.t if np.isfinite(state.t) else 0.0
+    more = np.nan_to_num(np.maximum(doubt - state.doubt, 0.0))
+    predicted = state.variance + (params.heading_walk * DEG) ** 2 * seconds + more[PARENTS] + more[CHILDREN]
+    half = 0.5 * state.delta[:, None]
+    angles = joint_angles.decompose(np.cos(half) * q_pc + np.sin(half) * turned)
+    miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
+    told = np.isfinite(miss) & (~IS_DOF | (miss != 0))
+    slope = np.where(told, _slopes(angles, up), 0.0)
+    play = (params.joint_play * DEG) ** 2
+    sharpness = (slope * slope).sum(axis=-1)
+    learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
+    variance = np.maximum(learnt, np.minimum(predicted, play))  # the play stays the same for long: no look tells more than it leaves
+    gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(sharpness > 0, sharpness, 1.0)
+    delta = state.delta + np.where(predicted > variance, gain * (slope * np.where(told, miss, 0.0)).sum(axis=-1), 0.0)
+    return State(delta, variance, np.where(np.isfinite(doubt), np.maximum(doubt, state.doubt), state.doubt), t)
+
+
+def _slopes(angles: Array, up: Array) -> Array:
+    """How fast each angle (joints, 3) changes while the child turns about the vertical `up` (joints, 3) of its parent."""
+    c, s = np.cos(angles[:, FLEXION]), np.sin(angles[:, FLEXION])
+    x, y = c * up[:, 0] + s * up[:, 1], c * up[:, 1] - s * up[:, 0]
+    deviation = np.minimum(np.maximum(angles[:, DEVIATION], -80 * DEG), 80 * DEG)  # at 90 deg flexion and pronation are one
+    slopes = np.empty_like(angles)
+    slopes[:, FLEXION], slopes[:, DEVIATION], slopes[:, PRONATION] = up[:, 2] - y * np.tan(deviation), x, y / np.cos(deviation)
+    return slopes
+
+
+def _by_segment(by_joint: Array) -> Array:
+    """Sums (n, segments) of a joint's values (n, joints) over the joints between a segment and the hand; the forearm's is the wrist's, turned round."""
+    sums = np.zeros((len(by_joint), len(SEGMENTS)))
+    for joint in JOINTS:
+        if joint.name == "wrist":
+            sums[:, SEGMENT[joint.parent]] = -by_joint[:, JOINT[joint.name]]
+        else:
+            sums[:, SEGMENT[joint.child]] = sums[:, SEGMENT[joint.parent]] + by_joint[:, JOINT[joint.name]]
+    return sums
