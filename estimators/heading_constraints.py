@@ -20,7 +20,7 @@ from estimators.quaternions import Array
 
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints
-VERTICAL = np.array([0.0, 0.0, 0.0, 1.0])
+VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,18 +60,18 @@ def step(
     """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
     and which of their headings are lost (n, segments); joints are looked at where both segments are `usable` (n, segments)."""
     looks = _looks(state.t, t)
-    q_pc, turned, up = _relative(np.where(usable[looks][..., None], q_GB[looks], np.nan))
     states = [state]
-    for k, row in enumerate(looks):
-        states.append(_looked(params, states[-1], float(t[row]), q_pc[k], turned[k], up[k], doubt[row]))
+    for row in looks:
+        states.append(_looked(params, states[-1], float(t[row]), q_GB[row], doubt[row], usable[row]))
     newest = np.searchsorted(looks, np.arange(len(t)), side="right")  # the look that counts in each row
-    corrected = quat.multiply(quat.about(2, _by_segment(np.array([s.delta for s in states]))[newest]), q_GB)
+    deltas = np.array([s.delta for s in states])
+    corrected = quat.multiply(quat.about(2, _by_segment(deltas)[newest]), q_GB) if deltas.any() else q_GB
     return states[-1], corrected, _lost(params, states, newest, doubt)
 
 
 def _lost(params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array) -> NDArray[np.bool_]:
     """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
-    since = np.nan_to_num(np.maximum(doubt - np.array([s.doubt for s in states])[newest], 0.0))
+    since = np.maximum(doubt - np.array([s.doubt for s in states])[newest], 0.0)
     variance = np.array([s.variance for s in states])[newest] + since[:, PARENTS] + since[:, CHILDREN]
     return np.asarray(_by_segment(1.0 * (variance > (params.heading_known * DEG) ** 2)) != 0)
 
@@ -83,30 +83,31 @@ def _looks(t_last: float, t: Array) -> NDArray[np.int_]:
     return np.flatnonzero(slot > before)
 
 
-def _relative(q_GB: Array) -> tuple[Array, Array, Array]:
-    """Child on parent q_pc (n, joints, 4), the same after the child was turned half a turn about the vertical, the vertical in the parent (n, joints, 3)."""
-    parent, child = q_GB[:, PARENTS], q_GB[:, CHILDREN]
-    up = quat.rotate(quat.conjugate(parent), VERTICAL[1:])
-    return quat.relative(parent, child), quat.relative(parent, quat.multiply(VERTICAL, child)), up
-
-
-def _looked(params: HeadingParams, state: State, t: float, q_pc: Array, turned: Array, up: Array, doubt: Array) -> State:
-    """One Kalman step of every joint: `q_pc` and `turned` (joints, 4) span all headings of the child, `up` (joints, 3) is the vertical in the parent."""
+def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: Array, usable: NDArray[np.bool_]) -> State:
+    """One Kalman step of every joint at orientations q_GB (segments, 4)."""
     seconds = t - state.t if np.isfinite(state.t) else 0.0
-    more = np.nan_to_num(np.maximum(doubt - state.doubt, 0.0))
+    more = np.maximum(doubt - state.doubt, 0.0)
     predicted = state.variance + (params.heading_walk * DEG) ** 2 * seconds + more[PARENTS] + more[CHILDREN]
-    half = 0.5 * state.delta[:, None]
-    angles = joint_angles.decompose(np.cos(half) * q_pc + np.sin(half) * turned)
-    miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
-    told = np.isfinite(miss) & (~IS_DOF | (miss != 0))
-    slope = np.where(told, _slopes(angles, up), 0.0)
-    play = (params.joint_play * DEG) ** 2
+    doubt, play = np.maximum(doubt, state.doubt), (params.joint_play * DEG) ** 2
+    if (predicted <= play).all():  # the joints know no better
+        return State(state.delta, predicted, doubt, t)
+    miss, slope = _told(state.delta, np.where(usable[:, None], q_GB, np.nan))
     sharpness = (slope * slope).sum(axis=-1)
     learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
     variance = np.maximum(learnt, np.minimum(predicted, play))  # the play stays the same for long: no look tells more than it leaves
     gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(sharpness > 0, sharpness, 1.0)
-    delta = state.delta + np.where(predicted > variance, gain * (slope * np.where(told, miss, 0.0)).sum(axis=-1), 0.0)
-    return State(delta, variance, np.where(np.isfinite(doubt), np.maximum(doubt, state.doubt), state.doubt), t)
+    delta = state.delta + np.where(predicted > variance, gain * (slope * miss).sum(axis=-1), 0.0)
+    return State(delta, variance, doubt, t)
+
+
+def _told(delta: Array, q_GB: Array) -> tuple[Array, Array]:
+    """What the joints say: how far each angle (joints, 3) is from what is possible, and how it changes with the child's heading; zero where nothing."""
+    parent, child = q_GB[PARENTS], quat.multiply(quat.about(2, delta), q_GB[CHILDREN])
+    angles = joint_angles.decompose(quat.relative(parent, child))
+    miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
+    told = np.isfinite(miss) & (~IS_DOF | (miss != 0))
+    slopes = _slopes(angles, quat.rotate(quat.conjugate(parent), VERTICAL))
+    return np.where(told, miss, 0.0), np.where(told, slopes, 0.0)
 
 
 def _slopes(angles: Array, up: Array) -> Array:
