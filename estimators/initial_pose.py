@@ -32,9 +32,10 @@ class PoseParams:
     alignment: str = option(
         "full",
         "",
-        "what the pose fixes: each sensor's heading against the hand (the paper) or its whole orientation",
-        "heading: Salchow-Hoemmen 2019, 2.4.2; full: ours",
-        ("full", "heading"),
+        "what the pose fixes: each sensor's heading against the hand (the paper), its whole orientation (full), that against the inclination in which "
+        "the sensors of hand and fingers agree (common: half the effect of a hand sensor askew, but a strip that is missing changes the others a little)",
+        "heading: Salchow-Hoemmen 2019, 2.4.2; full, common: ours",
+        ("full", "common", "heading"),
     )
     pose_duration: float = option(
         3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2"
@@ -192,14 +193,20 @@ def _orient(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Sensor orientations with gravity's inclination and the pose's heading, and the sensor-to-segment rotations."""
     nominal = {name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)) for name in still}
-    q_GS_hand = upright(quat.multiply(q_GH_guess, nominal["hand"]), still["hand"].mean[3:])
-    q_GH = quat.multiply(q_GS_hand, quat.conjugate(nominal["hand"]))
     on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
+    agreeing = [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
+    q_GH = upright(q_GH_guess, _up_in_hand(still, nominal, on_hand, agreeing))
     for name, samples in still.items():
         q_GB = quat.multiply(q_GH, on_hand[name])
         q_GS[name] = upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
-        q_BS[name] = quat.relative(q_GB, q_GS[name]) if params.alignment == "full" else nominal[name]
+        q_BS[name] = quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
     return q_GS, q_BS
+
+
+def _up_in_hand(still: Mapping[str, _Still], nominal: Mapping[str, Array], on_hand: Mapping[str, Array], names: Sequence[str]) -> Array:
+    """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own way, and the pose makes their segments agree."""
+    ups = [quat.rotate(quat.multiply(on_hand[n], nominal[n]), still[n].mean[3:] / np.linalg.norm(still[n].mean[3:])) for n in names]
+    return np.asarray(np.median(ups, axis=0))
 
 
 def _palm_down(hand: Hand) -> Array:

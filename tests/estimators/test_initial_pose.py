@@ -15,7 +15,7 @@ from estimators.methods import m2
 from estimators.samples import GYR, MAG, Block, Event, Stream
 from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import IDEAL, SensorErrors
-from tests.simulated import DEG, calibrated, pose_and_wiggle, with_samples
+from tests.simulated import DEG, calibrated, pose_and_wiggle, tracked, with_samples
 
 STILL = Pose(1.5, 3.0, (0.0, -45 * DEG, 60 * DEG))
 
@@ -200,3 +200,14 @@ def test_another_recordings_headings_are_taken_over_with_this_ones_inclination()
     for segment, q_GS in initial_pose.reoriented(found, beginning).items():
         assert quat.angle(quat.relative(found.q_GS[segment], q_GS)) < 1e-6
     assert GYR in beginning[0].stream.quantities
+
+
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_the_inclination_in_which_the_sensors_agree_lessens_the_effect_of_a_hand_sensor_askew(hand: str) -> None:
+    recording = pose_and_wiggle(hand, replace(IDEAL, misalignment=7.5, misalignment_width=2.5))
+    error = {}
+    for alignment in ("full", "common", "heading"):
+        params = m2.Params(alignment=alignment)
+        moved = tracked(recording, params, calibrated(recording, params))
+        error[alignment] = float(np.sqrt(np.nanmean((moved.angles - recording.truth.angles) ** 2)))
+    assert error["common"] < 0.8 * error["full"] < 0.8 * error["heading"]
