@@ -1,6 +1,7 @@
 """What every method of the table must do, whoever wrote it."""
 
 import pickle
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -9,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators import trajectory
+from estimators.hand_geometry import sized
 from estimators.methods import METHODS
 from estimators.options import describe
-from estimators.samples import Block
+from estimators.samples import ACC, Block
 from estimators.simulation.scenario import Simulated
 from estimators.trajectory import Trajectory
 from tests.simulated import assert_same, calibrated, cut, in_strips, interleaved, with_samples
@@ -83,3 +85,24 @@ def test_a_method_has_a_title_and_says_whether_it_needs_a_pose(method: ModuleTyp
     assert method.__doc__
     for part in ("In ", "Out ", "Source ", "Limits "):
         assert f"\n{part}" in method.__doc__, part
+
+
+@every_method
+def test_a_mirrored_recording_gives_the_mirrored_hand(method: ModuleType) -> None:
+    """In the mirror polar vectors change the sign of their components in the other hand's frames, axial ones (rates, magnetic fields) keep it."""
+    recording = in_strips("left")
+    moved, seen = (_stepped(method, r, list(r.blocks())) for r in (recording, _in_the_mirror(recording)))
+    np.testing.assert_array_equal(seen.t, moved.t)
+    np.testing.assert_array_equal(seen.flags, moved.flags)
+    np.testing.assert_allclose(seen.angles, moved.angles, atol=1e-9)
+    np.testing.assert_allclose(seen.tips, -moved.tips, atol=1e-10)
+
+
+def _in_the_mirror(recording: Simulated) -> Simulated:
+    samples = {}
+    for name, block in recording.samples.items():
+        values = block.values.copy()
+        if ACC in block.stream.quantities:
+            values[..., block.stream.axes(ACC)] *= -1
+        samples[name] = Block(block.stream, block.t, values)
+    return replace(recording, hand="right", geometry=sized("right"), samples=samples)
