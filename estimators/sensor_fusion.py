@@ -105,15 +105,18 @@ def step(params: FusionParams, state: StreamState, block: Block) -> tuple[Stream
     """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
     block, sampled = _with_missing_instants(params, state, block)
     block, sampled = _with_held(state, block), np.concatenate([state.held_sampled, sampled])
-    whole = complete(block)
-    return _advance(params, state, block, sampled, whole, _settled(params, state, block.t, whole))
+    turning_too_fast, pushed_too_hard = _at_limit(block)
+    whole = complete(block) & ~turning_too_fast  # rates beyond the limit are bridged as missing ones are
+    return _advance(params, state, block, sampled, whole, turning_too_fast | pushed_too_hard, _settled(params, state, block.t, whole))
 
 
 def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Oriented]:
     """Give out what is still held: at the end of the recording an open gap is a loss."""
     nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.sensors), 3 * len(state.stream.quantities))))
     held = _with_held(state, nothing)
-    return _advance(params, state, held, state.held_sampled, complete(held), len(held.t))
+    turning_too_fast, pushed_too_hard = _at_limit(held)
+    whole = complete(held) & ~turning_too_fast
+    return _advance(params, state, held, state.held_sampled, whole, turning_too_fast | pushed_too_hard, len(held.t))
 
 
 def complete(block: Block) -> NDArray[np.bool_]:
@@ -123,12 +126,18 @@ def complete(block: Block) -> NDArray[np.bool_]:
 
 
 def _advance(
-    params: FusionParams, state: StreamState, block: Block, sampled: NDArray[np.bool_], whole: NDArray[np.bool_], count: int
+    params: FusionParams,
+    state: StreamState,
+    block: Block,
+    sampled: NDArray[np.bool_],
+    whole: NDArray[np.bool_],
+    limit: NDArray[np.bool_],
+    count: int,
 ) -> tuple[StreamState, Oriented]:
-    """Process the first `count` rows and hold the others."""
+    """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
     sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
-    flags = np.uint8(Flag.SATURATED) * _saturated(settled) | np.uint8(Flag.MISSING) * ~whole[:count]
+    flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
     for k, sensor in enumerate(state.sensors):
         after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, block, whole[:, k], k, count)
         flags[:, k] |= more
@@ -326,10 +335,11 @@ def upright(q_GS: Array, acc: Array) -> Array:
     return quat.normalize(quat.multiply(quat.normalize(tilt), q_GS))
 
 
-def _saturated(block: Block) -> NDArray[np.bool_]:
-    """Which rows (n, sensors) have a value at the sensor's limit."""
-    hit = np.zeros(block.values.shape[:2], dtype=bool)
-    for quantity in (GYR, ACC):
-        if quantity in block.stream.full_scale:
-            hit |= (np.abs(block.of(quantity)) >= SATURATION * block.stream.full_scale[quantity]).any(axis=-1)
-    return hit
+def _at_limit(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which rows (n, sensors) have an angular rate, and which an acceleration, at the sensor's limit."""
+    nowhere = np.zeros(block.values.shape[:2], dtype=bool)
+    gyr, acc = (
+        (np.abs(block.of(q)) >= SATURATION * block.stream.full_scale[q]).any(axis=-1) if q in block.stream.full_scale else nowhere
+        for q in (GYR, ACC)
+    )
+    return np.asarray(gyr), np.asarray(acc)

@@ -157,6 +157,17 @@ def test_samples_at_the_limit_are_flagged() -> None:
     assert [tuple(k) for k in np.argwhere(flags & Flag.SATURATED)] == [(40, 0), (41, 1)]
 
 
+def test_a_turn_faster_than_the_gyroscope_reads_is_bridged_over_its_peak() -> None:
+    fast, truth = _turning(5.5), _headings(5.5)[:, 0]  # the limit is 5 rad/s
+    clipped = Block(fast.stream, fast.t, np.clip(fast.values, [*[-5.0] * 3, *[-100.0] * 3], [*[5.0] * 3, *[100.0] * 3]))
+    found = _oriented([clipped])
+    turned = 2 * np.arctan2(found.q_GS[:, 0, 3], found.q_GS[:, 0, 0])
+    error = np.abs(np.angle(np.exp(1j * (turned - truth))))
+    lost_by_clipping = np.abs(np.cumsum(fast.values - clipped.values, axis=0)[:, 0, 2] / RATE).max()
+    assert error.max() < 0.1 * lost_by_clipping
+    assert (found.flags[np.abs(fast.values[:, 0, 2]) > 5.0, 0] == Flag.SATURATED).all()
+
+
 def test_a_sensor_that_was_not_in_the_pose_starts_from_gravity_and_says_so() -> None:
     state = sensor_fusion.start(STREAM, {"hand": quat.IDENTITY}, {})
     _, found = sensor_fusion.step(PARAMS, state, _turning())
