@@ -50,7 +50,7 @@ def _value(d: Description, value: Any) -> Any:
             number = float(text) if d.kind == "float" else int(text)
         except ValueError:
             raise InputError(f"option {d.name} is {text!r}; it is a number{' in ' + d.unit if d.unit else ''}") from None
-        if not abs(number) < 1e12:
-            raise InputError(f"option {d.name} is {text!r}; it is a finite number")
+        if not d.least <= number <= d.most:
+            raise InputError(f"option {d.name} is {text!r}; it is between {d.least:g} and {d.most:g}{' ' + d.unit if d.unit else ''}")
         return number
     return text

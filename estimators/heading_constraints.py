@@ -34,8 +34,9 @@ class HeadingParams:
         "deg",
         "turn about an axis that is no freedom of its joint, from misalignment and soft tissue",
         "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5; size ours",
+        least=0.1,
     )
-    joint_play_time: float = option(1.0, "s", "time over which that turn stays alike", "ours: half a movement")
+    joint_play_time: float = option(1.0, "s", "time over which that turn stays alike", "ours: half a movement", least=0.01)
     heading_known: float = option(10.0, "deg", "a relative heading of larger standard deviation counts as lost", "ours")
 
 

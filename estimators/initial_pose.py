@@ -38,7 +38,7 @@ class PoseParams:
         ("full", "common", "heading"),
     )
     pose_duration: float = option(
-        3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2"
+        3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2", least=0.5, most=60.0
     )
     pose_rate: float = option(
         3.0, "deg/s", "largest wander of a sensor's one-second mean angular rate in a still pose", "ours: 1.5 times VQF's rest threshold"

@@ -3,6 +3,8 @@
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any
 
+UNBOUNDED = 1e6
+
 
 @dataclass(frozen=True)
 class Description:
@@ -15,11 +17,16 @@ class Description:
     meaning: str
     source: str
     choices: tuple[str, ...]
+    least: float
+    most: float
 
 
-def option(default: Any, unit: str, meaning: str, source: str, choices: tuple[str, ...] = ()) -> Any:
-    """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where it is one."""
-    return field(default=default, metadata={"unit": unit, "meaning": meaning, "source": source, "choices": choices})
+def option(
+    default: Any, unit: str, meaning: str, source: str, choices: tuple[str, ...] = (), least: float = 0.0, most: float = UNBOUNDED
+) -> Any:
+    """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where it is one, `least` and `most` bound a number."""
+    words = {"unit": unit, "meaning": meaning, "source": source, "choices": choices, "least": least, "most": most}
+    return field(default=default, metadata=words)
 
 
 def describe(params_type: type) -> list[Description]:
@@ -29,6 +36,4 @@ def describe(params_type: type) -> list[Description]:
 
 def _describe(f: "Field[Any]") -> Description:
     assert f.default is not MISSING and {"unit", "meaning", "source"} <= set(f.metadata), f"option {f.name} is not declared by option(...)"
-    return Description(
-        f.name, f.default, type(f.default).__name__, f.metadata["unit"], f.metadata["meaning"], f.metadata["source"], f.metadata["choices"]
-    )
+    return Description(f.name, f.default, type(f.default).__name__, **f.metadata)

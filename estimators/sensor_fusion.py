@@ -30,13 +30,23 @@ SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a lit
 @dataclass(frozen=True, kw_only=True)
 class FusionParams:
     tau_acc: float = option(
-        3.0, "s", "time constant of the accelerometer's correction: larger trusts the gyroscope longer", "VQF default (Laidig & Seel 2023)"
+        3.0,
+        "s",
+        "time constant of the accelerometer's correction: larger trusts the gyroscope longer",
+        "VQF default (Laidig & Seel 2023)",
+        least=0.01,
     )
     rest_bias: bool = option(True, "", "estimate the gyroscope's bias whenever the sensor rests", "VQF default (Laidig & Seel 2023)")
     motion_bias: bool = option(True, "", "estimate the gyroscope's bias during movement", "VQF default (Laidig & Seel 2023)")
-    rest_gyr: float = option(2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)")
-    rest_acc: float = option(0.5, "m/s^2", "largest deviation of the acceleration that counts as rest", "VQF default (Laidig & Seel 2023)")
-    tau_mag: float = option(9.0, "s", "time constant of the magnetometer's correction of the heading", "VQF default (Laidig & Seel 2023)")
+    rest_gyr: float = option(
+        2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
+    )
+    rest_acc: float = option(
+        0.5, "m/s^2", "largest deviation of the acceleration that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
+    )
+    tau_mag: float = option(
+        9.0, "s", "time constant of the magnetometer's correction of the heading", "VQF default (Laidig & Seel 2023)", least=0.01
+    )
     mag_rejection: bool = option(
         False,
         "",
@@ -44,7 +54,7 @@ class FusionParams:
         "VQF; the paper's filter has none",
     )
     max_gap: float = option(
-        0.25, "s", "longest stretch of missing samples that is bridged by interpolation", "ours: docs/methods.md, lost samples"
+        0.25, "s", "longest stretch of missing samples that is bridged by interpolation", "ours: docs/methods.md, lost samples", most=1.0
     )
 
 

@@ -24,11 +24,13 @@ MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    prominence: float = option(0.25, "", "least prominence of a closing, as a share of the 5-95 % range of the distance", "ours")
-    cycle_min: float = option(0.1, "s", "shortest cycle", "ours")
+    prominence: float = option(
+        0.25, "", "least prominence of a closing, as a share of the 5-95 % range of the distance", "ours", least=0.01, most=1.0
+    )
+    cycle_min: float = option(0.1, "s", "shortest cycle", "ours", least=0.01)
     smallest: float = option(0.005, "m", "movement smaller than this is no tapping", "ours: below the tip error of the method")
-    min_taps_for_decrement: int = option(8, "", "fewer taps have no decrement", "ReTap (doi 10.3390/s23115238)")
-    ends: int = option(5, "", "taps at either end that the decrement ratio compares", "ReTap (doi 10.3390/s23115238)")
+    min_taps_for_decrement: int = option(8, "", "fewer taps have no decrement", "ReTap (doi 10.3390/s23115238)", least=2)
+    ends: int = option(5, "", "taps at either end that the decrement ratio compares", "ReTap (doi 10.3390/s23115238)", least=1)
 
 
 @dataclass(frozen=True)
