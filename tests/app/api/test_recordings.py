@@ -89,7 +89,7 @@ def test_the_same_method_and_options_give_the_result_that_is_there(client: TestC
     other = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": {"alignment": "heading"}}).json()
     assert other["result"] != made["result"]
     assert finished(client, other["result"])["parameters"] == {"alignment": "heading"}
-    for options, sentence in (({"speed": 1}, "no option 'speed'"), ({"alignment": "best"}, "one of full, heading")):
+    for options, sentence in (({"speed": 1}, "no option 'speed'"), ({"alignment": "best"}, "one of full, common, heading")):
         refused = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": options})
         assert sentence in refused.json()["error"]
 
