@@ -6,7 +6,7 @@ A frame is COBS(type u8, sequence u16, payload, CRC-32) and a zero byte. After g
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 
 from cobs import cobs
 
@@ -29,21 +29,22 @@ class Counters:
     malformed: int = 0  # CRC right, but no message that this version knows
     garbage_bytes: int = 0  # bytes of corrupt frames and of what was no frame at all
 
-    def plus(self, **more: int) -> "Counters":
-        return replace(self, **{name: getattr(self, name) + n for name, n in more.items()})
-
 
 class Decoder:
     """Takes bytes cut anywhere, gives messages in order; a frame that came before is dropped."""
 
     def __init__(self, ordered: bool = True) -> None:
         """A device's end is not `ordered`: a host that began again numbers its commands anew, and a command may come twice without harm."""
-        self.counters = Counters()
+        self._counts = dict.fromkeys((f.name for f in fields(Counters)), 0)
         self._ordered = ordered
         self._rest = b""
         self._skipping = False
         self._sequence: int | None = None
         self._boot: int | None = None
+
+    @property
+    def counters(self) -> Counters:
+        return Counters(**self._counts)
 
     def feed(self, chunk: bytes) -> Iterator[Message]:
         """Messages completed by this chunk."""
@@ -93,7 +94,8 @@ class Decoder:
         return True
 
     def _count(self, **more: int) -> None:
-        self.counters = self.counters.plus(**more)
+        for name, n in more.items():
+            self._counts[name] += n
 
 
 class Encoder:

@@ -2,7 +2,7 @@
 
 import struct
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 from cobs import cobs
@@ -27,6 +27,9 @@ class Line:
     newest: int | None = None
     last: bytes = b""
 
+    def count(self, **more: int) -> None:
+        self.counters = replace(self.counters, **{name: getattr(self.counters, name) + n for name, n in more.items()})
+
     def frame(self, message: Message) -> bytes:
         self.sequence = (self.sequence + 1) % 65536
         return self.encoder.frame(message)
@@ -36,7 +39,7 @@ class Line:
         gap = 0 if self.newest is None else (self.sequence - self.newest) % 65536 - 1
         self.sent, self.last, self.newest = self.sent + frame, frame, self.sequence
         self.expected.append(message)
-        self.counters = self.counters.plus(frames=1, lost=gap)
+        self.count(frames=1, lost=gap)
 
     def lose(self, message: Message) -> None:
         self.frame(message)
@@ -48,17 +51,17 @@ class Line:
         if 0 in frame[:-1]:
             frame[k] = 255 if frame[k] != 255 else 254
         self.sent += bytes(frame)
-        self.counters = self.counters.plus(corrupt=1, garbage_bytes=len(frame))
+        self.count(corrupt=1, garbage_bytes=len(frame))
 
     def repeat(self) -> None:
         if self.last:
             self.sent += self.last
-            self.counters = self.counters.plus(repeated=1)
+            self.count(repeated=1)
 
     def garbage(self, data: bytes) -> None:
         self.sent += data + b"\0"
         if data:
-            self.counters = self.counters.plus(corrupt=1, garbage_bytes=len(data) + 1)
+            self.count(corrupt=1, garbage_bytes=len(data) + 1)
 
 
 NOISE = st.binary(max_size=40).map(lambda data: data.replace(b"\0", b"\1"))
