@@ -24,6 +24,7 @@ SKELETON = (
     "hand_geometry",
     "joint_angles",
     "forward_kinematics",
+    "fingertips",
 )  # maths and hand model
 VALUES = ("samples", "trajectory", "options", "errors")
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}

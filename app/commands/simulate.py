@@ -6,21 +6,30 @@ from pathlib import Path
 import numpy as np
 
 from app.commands.words import say
+from app.qualisys import read_markers
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import sized
-from estimators.simulation import tasks
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
+from estimators.simulation import captured, tasks
+from estimators.simulation.experiments import EXPERIMENTS, recorded
+from estimators.simulation.magnetic_field import MagneticField, homogeneous, office
+from estimators.simulation.scenario import Simulated, performed, simulate
+from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
+from estimators.simulation.transmission import LINKS
 from sessions.motion_bids import writer
 from sessions.motion_bids.truth import truth_files
 from sessions.recording import LoadedRecording
 from sessions.writing import save_file
 
+FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
+
+TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; captured needs --markers"
+PRESETS_TOLD = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
+
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("task", help=f"one of {', '.join(tasks.TASKS)}; an initial pose comes before it")
+    parser.add_argument("task", help=f"{TASKS_TOLD}; an initial pose comes before it")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.zip")
     parser.add_argument("--hand", choices=HANDS, default="left")
     parser.add_argument("--seed", type=int, default=0)
@@ -30,22 +39,30 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=(1, 2),
         default=1,
-        help="1 homogeneous magnetic field, 2 disturbed (magnetometers come with the full error model)",
+        help="1 homogeneous magnetic field, 2 disturbed as in an office with steel furniture",
     )
-    parser.add_argument("--ideal", action="store_true", help="sensors without errors")
+    parser.add_argument("--preset", choices=PRESETS, default="MPU-9250", help=f"sensors and how they err: {PRESETS_TOLD}")
+    parser.add_argument("--ideal", action="store_true", help="sensors without errors: --preset ideal")
+    parser.add_argument(
+        "--link", choices=LINKS, default="wired", help="losses on the way; unless wired, the forearm's sensor has a clock of its own"
+    )
+    parser.add_argument(
+        "--pose-error", type=float, default=0.0, metavar="DEG", help="an experiment's initial pose is off by up to this in every joint"
+    )
+    parser.add_argument("--markers", type=Path, metavar="FILE.tsv", help="Qualisys export of a hand of --hand: what `captured` moves like")
 
 
 def run(arguments: argparse.Namespace) -> int:
     if not 10 <= arguments.rate <= 1000:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
-    names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
-    errors = IDEAL if arguments.ideal else SensorErrors()
-    made = simulate(names, arguments.hand, sized(arguments.hand), np.random.default_rng(arguments.seed), errors, rate=arguments.rate)
+    if not 0 <= arguments.pose_error <= 30:
+        raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
+    made = _made(arguments)
     if arguments.out.suffix != ".zip":
         raise InputError(f"{arguments.out} does not end in .zip")
-    recording = as_recording(made)
-    files = writer.tree(recording, "simulated", arguments.task.replace("_", ""))
-    files |= truth_files(made.truth, recording, "simulated", arguments.task.replace("_", ""), software_version())
+    recording, label = as_recording(made), "".join(c for c in arguments.task if c.isalnum())
+    files = writer.tree(recording, "simulated", label)
+    files |= truth_files(made.truth, recording, "simulated", label, software_version())
     save_file(writer.packed(files), arguments.out)
     say(f"{recording.duration:.0f} s, {arguments.hand} hand, seed {arguments.seed}: {arguments.out}")
     return 0
@@ -56,3 +73,40 @@ def as_recording(made: Simulated) -> LoadedRecording:
     return LoadedRecording(
         made.hand, made.geometry, made.mounting, made.samples, made.events, source={"device": "simulated", "software": software_version()}
     )
+
+
+def _made(arguments: argparse.Namespace) -> Simulated:
+    """A task by the average hand, or an experiment by a person drawn at random."""
+    rng, errors = np.random.default_rng(arguments.seed), PRESETS["ideal" if arguments.ideal else arguments.preset]
+    link, field = LINKS[arguments.link], _field(arguments.setting, *rng.spawn(1))
+    forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
+    if arguments.task == "captured":
+        return _captured(arguments, rng, errors, field)
+    if arguments.task in EXPERIMENTS and arguments.task not in tasks.TASKS:
+        experiment, rate = EXPERIMENTS[arguments.task], arguments.rate
+        return recorded(
+            experiment, rng, errors, field, arguments.hand, arguments.pose_error, rate=rate, forearm_rate=forearm_rate, link=link
+        )
+    if arguments.task not in tasks.TASKS:
+        raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_TOLD}")
+    if arguments.pose_error:
+        raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_TOLD}")
+    names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
+    hand = arguments.hand
+    return simulate(names, hand, sized(hand), rng, errors, rate=arguments.rate, forearm_rate=forearm_rate, field=field, link=link)
+
+
+def _captured(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+    """The model hand moves as the markers did."""
+    if arguments.markers is None:
+        raise InputError("captured needs the markers; name a Qualisys export with --markers FILE.tsv")
+    markers = read_markers(arguments.markers)
+    fit = captured.fitted(markers, arguments.hand)
+    done = captured.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))
+    say(f"markers followed within {1e3 * np.sqrt(np.nanmean(fit.misfit**2)):.1f} mm RMS")
+    pose = tasks.initial_pose(fit.geometry)
+    return performed([pose, done], arguments.hand, fit.geometry, rng, errors, rate=arguments.rate, field=field, link=LINKS[arguments.link])
+
+
+def _field(setting: int, rng: np.random.Generator) -> MagneticField:
+    return homogeneous() if setting == 1 else office(rng)

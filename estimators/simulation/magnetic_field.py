@@ -43,8 +43,9 @@ def homogeneous(heading: float = 0.0) -> MagneticField:
 def office(rng: np.random.Generator, heading: float = 0.0) -> MagneticField:
     """A desk with a steel frame, table legs and a computer around a hand that works above the desk at the origin.
 
-    Eight dipoles of 2 A m^2 in random directions, 0.2 to 0.6 m from the hand's place, below and beside it. Near one of them the heading errs by the
-    29 deg (SD) that de Vries et al. 2009 (Gait Posture 29:535) found 5 cm above a floor with steel in it; a metre away from all, by the 3 deg found there.
+    Eight dipoles of 2 A m^2 in random directions, 0.2 to 0.6 m from the hand's place, below and beside it. Over 400 rooms the heading errs by 62 deg (SD)
+    on the desk, by 32 deg 15 cm above it and by 0.7 deg a metre above it; de Vries et al. 2009 (Gait Posture 29:535) found 29 deg 5 cm above a floor
+    with steel in it and 3 deg a metre above it.
     """
     n = 8
     direction = rng.normal(size=(n, 3))

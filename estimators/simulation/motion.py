@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly
+from scipy.interpolate import BPoly, PPoly, make_interp_spline
+from scipy.special import factorial
 
 from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
 from estimators.quaternions import Array
@@ -54,9 +55,28 @@ def through(points: Sequence[tuple[float, Array]]) -> Motion:
     return Motion(PPoly.from_bernstein_basis(BPoly.from_derivatives(t, list(derivatives))))
 
 
+def sampled(t: Array, x: Array) -> Motion:
+    """The quintic spline through postures x (n, 54) at times t (n,), at rest at both ends."""
+    still = [(1, np.zeros(x.shape[1])), (2, np.zeros(x.shape[1]))]
+    spline = make_interp_spline(t, x, k=5, bc_type=(still, still))  # type: ignore[arg-type]  # the stubs know only scalars
+    breaks = np.unique(spline.t)
+    c = np.stack([spline(breaks[:-1], m) / factorial(m) for m in range(5, -1, -1)])
+    return Motion(PPoly(c, breaks))
+
+
 def shifted(motion: Motion, by: float) -> Motion:
     """The same motion, later by `by` seconds."""
     return Motion(PPoly(motion.spline.c, motion.spline.x + by))
+
+
+def joined(*motions: Motion) -> Motion:
+    """One after the other; each begins where the one before it ends."""
+    breaks, here = [np.zeros(1)], motions[0].spline(motions[0].spline.x[0])
+    for spline in (m.spline for m in motions):
+        assert np.allclose(spline(spline.x[0]), here, atol=1e-9), "the postures do not meet"
+        breaks.append(spline.x[1:] - spline.x[0] + breaks[-1][-1])
+        here = spline(spline.x[-1])
+    return Motion(PPoly(np.concatenate([m.spline.c for m in motions], axis=1), np.concatenate(breaks)))
 
 
 def after(state: tuple[Array, Array, Array], points: Sequence[tuple[float, Array]], t: float) -> Motion:

@@ -11,10 +11,11 @@ from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Event, Stream, join
-from estimators.simulation import kinematics, sensors, tasks
+from estimators.simulation import kinematics, sensors, tasks, transmission
 from estimators.simulation.magnetic_field import MagneticField, homogeneous
 from estimators.simulation.sensors import SensorErrors, SensorSet
 from estimators.simulation.tasks import Performance
+from estimators.simulation.transmission import WIRED, Transmission
 from estimators.trajectory import Trajectory
 
 
@@ -49,13 +50,14 @@ def simulate(
     rate: float = 100.0,
     forearm_rate: float | None = None,
     field: MagneticField | None = None,
+    link: Transmission = WIRED,
 ) -> Simulated:
     """The tasks in order, each from and to the relaxed posture; the forearm's sensor in a stream of its own where its rate is given."""
     unknown = [name for name in task_names if name not in tasks.TASKS]
     if unknown:
         raise InputError(f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(tasks.TASKS)}")
     performances = [tasks.TASKS[name](geometry) for name in task_names]
-    return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field)
+    return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link)
 
 
 def performed(
@@ -70,30 +72,49 @@ def performed(
     field: MagneticField | None = None,
     mag_rate: float = 100.0,
     known: HandGeometry | None = None,
+    link: Transmission = WIRED,
 ) -> Simulated:
-    """The same of performances already made up; with a `field` magnetometers in a stream of their own, `known` is the geometry that a method is given."""
+    """The same of performances already made up; with a `field` magnetometers in a stream of their own, `known` is the geometry that a method is given.
+
+    Magnetometers and losses have random streams of their own: the inertial readings are the same with and without them.
+    """
     worn = sensors.mounted(segments, geometry, errors, rng)
-    scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * sensors.GRAVITY}
-    apart = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
-    plans = [Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)]
-    plans += [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)] if apart else []
-    plans += [Stream("mag", tuple(segments), (MAG,), mag_rate, "imu", {MAG: errors.mag_range * 1e-6})] if field is not None else []
+    of_mag, of_link = rng.spawn(2)
+    plans = _plans(segments, errors, rate, forearm_rate, mag_rate if field is not None else None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
+    clocks = {p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0 for p in plans}
     parts: dict[str, list[Block]] = {p.name: [] for p in plans}
     truths, events, begin = [], [], 0.0
     for performance in performances:
         end = begin + performance.motion.duration
         for stream in plans:
-            t = np.arange(int(np.ceil(begin * stream.rate - 1e-9)), int(np.ceil(end * stream.rate - 1e-9))) / stream.rate
-            k = replace(kinematics.of_motion(performance.motion, geometry, t - begin), t=t)
+            t = _instants(begin, end, stream.rate, clocks[stream.name])
+            k = replace(kinematics.of_motion(performance.motion, geometry, t / clocks[stream.name] - begin), t=t)
             rows = [worn.segments.index(s) for s in stream.sensors]
-            read = (
-                sensors.inertial(worn, k, stream.rate, rng) if stream.inertial else sensors.magnetic(worn, k, field or homogeneous(), rng)
-            )
+            if stream.inertial:
+                read = sensors.inertial(worn, k, stream.rate, rng)
+            else:
+                read = sensors.magnetic(worn, k, field or homogeneous(), of_mag)
             parts[stream.name].append(Block(stream, t, read[:, rows]))
             if stream is fastest:
                 truths.append(kinematics.truth(k, hand))
         events += [Event(e.onset + begin, e.duration, e.trial_type, e.details) for e in performance.events]
         begin = end
-    samples = {name: join(blocks) for name, blocks in parts.items()}
+    samples = {name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()}
     return Simulated(hand, known or geometry, samples, tuple(events), trajectory.join(truths, hand), worn)
+
+
+def _plans(segments: Sequence[str], errors: SensorErrors, rate: float, forearm_rate: float | None, mag_rate: float | None) -> list[Stream]:
+    """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers where they have one."""
+    scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * sensors.GRAVITY}
+    apart = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
+    plans = [Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)]
+    plans += [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)] if apart else []
+    plans += [Stream("mag", tuple(segments), (MAG,), mag_rate, "imu", {MAG: errors.mag_range * 1e-6})] if mag_rate is not None else []
+    return plans
+
+
+def _instants(begin: float, end: float, rate: float, clock: float) -> Array:
+    """When samples are taken from `begin` up to `end` s of true time, by a clock that counts `clock` s in each of them."""
+    first, last = (int(np.ceil(true * clock * rate - 1e-9)) for true in (begin, end))
+    return np.arange(first, last) / rate

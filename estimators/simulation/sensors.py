@@ -84,6 +84,11 @@ IDEAL = SensorErrors(
 )
 LSM330DLC = "LSM330DLC data sheet; HMC5983 data sheet; Kortier thesis ch. 2"
 LSM330DLC_HMC5983 = SensorErrors(gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0)
+PRESET_SOURCES = {
+    "MPU-9250": MPU9250,
+    "LSM330DLC/HMC5983": LSM330DLC,
+    "ideal": "no errors",
+}  # what a preset does not name is as for the first
 PRESETS = {"MPU-9250": SensorErrors(), "LSM330DLC/HMC5983": LSM330DLC_HMC5983, "ideal": IDEAL}
 
 

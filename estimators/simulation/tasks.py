@@ -76,10 +76,11 @@ def spread() -> Array:
     return posture(flat(), **{f"{f}_mcp_deviation": d for f, d in deviations.items()}, thumb_cmc_deviation=-60.0)
 
 
-def initial_pose(geometry: HandGeometry, duration: float = 6.0) -> Performance:
-    """The flat pose, held; the event is the part held still."""
+def initial_pose(geometry: HandGeometry, duration: float = 6.0, taken: Array | None = None) -> Performance:
+    """The flat pose, held; the event is the part held still and tells the flat pose even where another, `taken` (54,), is held."""
     angles = dict(zip(("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"), POSE_THUMB))
-    motion = through([(0.0, relaxed()), (1.2, flat()), (duration - 1.0, flat()), (duration, relaxed())])
+    held = flat() if taken is None else taken
+    motion = through([(0.0, relaxed()), (1.2, held), (duration - 1.0, held), (duration, relaxed())])
     return Performance(motion, (Event(1.5, duration - 3.0, "initial_pose", angles),))
 
 

@@ -1,0 +1,122 @@
+"""The experiments of the papers' tables, each as somebody with a hand of their own would do it.
+
+Source  Salchow-Hoemmen 2019, 3.1.3 and Table 4 (10-15 repetitions, 30-50 s, joint rates below 2 rad/s), 3.2 and Table 5 (15-35 s, the hand moving
+        in all directions); Valtin 2017, Fig. 4; open and close at 116 per minute with 80 deg of PIP flexion: Kortier thesis, ch. 2
+Limits  how far each joint goes is ours: the papers give numbers of repetitions, durations and greatest rates
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.hand_anatomy import IS_DOF, SEGMENTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+from estimators.simulation import guided, held, tasks
+from estimators.simulation.magnetic_field import MagneticField
+from estimators.simulation.person import drawn
+from estimators.simulation.scenario import Simulated, performed
+from estimators.simulation.sensors import SensorErrors
+from estimators.simulation.tasks import Performance
+from estimators.simulation.transmission import WIRED, Transmission
+
+Perform = Callable[[HandGeometry, np.random.Generator], tuple[Performance, ...]]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One row of a table of the paper: what the person does and what is judged.
+
+    The task events of what is performed are the stretches that are judged: of a pinch only while it is closed.
+    """
+
+    name: str
+    fingers: tuple[str, ...]  # whose tips are judged
+    perform: Perform  # begins with the initial pose
+    contact: tuple[tuple[str, str], ...] = ()  # (finger, contact point) pair of Table 7; points left, right, bottom, distal
+    distance: float = 0.0  # m, true distance between the contact points
+
+
+def recorded(
+    experiment: Experiment,
+    rng: np.random.Generator,
+    errors: SensorErrors,
+    field: MagneticField | None,
+    hand: Hand = "left",
+    pose_error_deg: float = 0.0,
+    length_errors: bool = True,
+    rate: float = 100.0,
+    segments: Sequence[str] = SEGMENTS,
+    forearm_rate: float | None = None,
+    link: Transmission = WIRED,
+) -> Simulated:
+    """Somebody with a hand of their own does it; its geometry is what the method is told.
+
+    Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
+    """
+    of_person, of_pose, of_motion, of_sensors = rng.spawn(4)
+    person = drawn(hand, of_person)
+    true = person.true if length_errors else person.told
+    pose, *rest = experiment.perform(true, of_motion)
+    pose = tasks.initial_pose(true, pose.motion.duration, taken=_missed(tasks.flat(), pose_error_deg, of_pose))
+    return performed([pose, *rest], hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link)
+
+
+def judged(made: Simulated) -> Array:
+    """Which samples (n,) of the truth lie within what is judged."""
+    t = made.truth.t
+    return np.asarray(np.any([(t >= e.onset) & (t <= e.end) for e in made.events if e.trial_type == "task"], axis=0))
+
+
+def _missed(pose: Array, largest_deg: float, rng: np.random.Generator) -> Array:
+    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread."""
+    off = np.radians(largest_deg) * rng.uniform(-1, 1, IS_DOF.shape) * IS_DOF
+    return np.concatenate([pose[:6], pose[6:] + off.ravel()])
+
+
+def _after_pose(perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Perform:
+    return lambda geometry, rng: (tasks.initial_pose(geometry), perform(geometry, rng))
+
+
+def _table6(name: str, finger: str, perform: Callable[[HandGeometry, np.random.Generator, str, str], Performance]) -> Experiment:
+    return Experiment(name, (finger,), _after_pose(lambda geometry, rng: perform(geometry, rng, name, finger)))
+
+
+def _table7(name: str, hold: held.Hold, perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Experiment:
+    return Experiment(name, hold.fingers, _after_pose(perform), (hold.a, hold.b), hold.distance)
+
+
+TABLE6: Mapping[str, Experiment] = {
+    e.name: e
+    for e in (
+        _table6("A-F1", "thumb", guided.abduction),
+        _table6("A-F2", "index", guided.abduction),
+        _table6("A-F3", "middle", guided.abduction),
+        _table6("AF-F1", "thumb", guided.circling),
+        _table6("AF-F2", "index", guided.circling),
+        _table6("AF-F3", "middle", guided.circling),
+        _table6("F-F2", "index", guided.flexion),
+        _table6("F-F3", "middle", guided.flexion),
+    )
+}
+TABLE7: Mapping[str, Experiment] = {
+    e.name: e
+    for e in (
+        _table7("P1 F1-F2", held.SPACER_THUMB_INDEX, held.spacer_thumb_index),
+        _table7("P2 F2-F3", held.SPACER_INDEX_MIDDLE, held.spacer_index_middle),
+        _table7("P3 F1-F2", held.PINCH, held.pinch_twice),
+        *(_table7(f"P4 {pair}", hold, held.block) for pair, hold in held.BLOCK.items()),
+    )
+}
+OTHERS: Mapping[str, Experiment] = {
+    e.name: e
+    for e in (
+        Experiment("mechanical finger", ("index",), _after_pose(guided.mechanical_finger)),
+        Experiment("tapping", ("thumb", "index"), _after_pose(lambda geometry, rng: tasks.tapping(geometry))),
+        Experiment("open_close 116/min", ("index", "middle", "ring", "little"), _after_pose(guided.open_close)),
+        Experiment("circles", ("index",), _after_pose(lambda geometry, rng: guided.circling(geometry, rng, "circles", "index"))),
+        Experiment("free", ("thumb", "index", "middle", "ring", "little"), _after_pose(guided.free)),
+    )
+}
+EXPERIMENTS: Mapping[str, Experiment] = {**TABLE6, **TABLE7, **OTHERS}

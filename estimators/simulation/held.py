@@ -1,0 +1,108 @@
+"""Holding a spacer, a pinch or a block while the hand moves: closed chains whose contact points keep their distance.
+
+Source  Salchow-Hoemmen 2019, 3.2 and Table 5: spacers of 3 cm, a pinch closed twice, a block; every trial 15 to 35 s
+Limits  which points of the fingertips touch the block is not told in the paper: the bottoms here; fingers sway by a few degrees as the hold permits
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+from estimators.simulation.grasp import Hold as Hold
+from estimators.simulation.grasp import closed, fingers_of, freedoms
+from estimators.simulation.guided import RATE, framed
+from estimators.simulation.motion import COORDINATES, posture, sampled
+from estimators.simulation.tasks import Performance, relaxed
+from estimators.simulation.whole_hand import gently, moving, smooth, swaying
+
+SPACER_THUMB_INDEX = Hold(("thumb", "bottom"), ("index", "bottom"), 0.030)
+SPACER_INDEX_MIDDLE = Hold(("index", "left"), ("middle", "right"), 0.030)
+PINCH = Hold(("thumb", "distal"), ("index", "distal"), 0.0)
+BLOCK: Mapping[str, Hold] = {
+    "F1-F2": Hold(("thumb", "bottom"), ("index", "bottom"), 0.053),
+    "F1-F3": Hold(("thumb", "bottom"), ("middle", "bottom"), 0.046),
+    "F2-F3": Hold(("index", "bottom"), ("middle", "bottom"), 0.025),
+}
+SWAY = np.radians(3.0)  # of each joint before the hold corrects it; ours
+TRIAL = (20.0, 32.0)  # s
+MARGIN = 0.1  # s, at both ends of a closed pinch that are not judged
+
+# postures near the holds, within 5 deg of what an average hand needs
+THUMB = {
+    "thumb_cmc_flexion": 30.0,
+    "thumb_cmc_deviation": -28.0,
+    "thumb_cmc_pronation": 75.0,
+    "thumb_mcp_flexion": 14.0,
+    "thumb_ip_flexion": 14.0,
+}
+SPACED = posture(relaxed(), **THUMB, index_mcp_flexion=48.0, index_pip_flexion=38.0, index_dip_flexion=20.0)
+PINCHED = posture(
+    SPACED, thumb_cmc_flexion=40.0, thumb_cmc_deviation=-18.0, index_mcp_flexion=55.0, index_pip_flexion=47.0, index_dip_flexion=25.0
+)
+APART = posture(relaxed(), index_mcp_deviation=-7.0, middle_mcp_deviation=7.0)
+GRASPED = posture(
+    SPACED,
+    thumb_cmc_flexion=40.0,
+    thumb_cmc_deviation=-32.0,
+    index_mcp_flexion=38.0,
+    index_mcp_deviation=7.0,
+    index_pip_flexion=31.0,
+    index_dip_flexion=17.0,
+    middle_mcp_flexion=50.0,
+    middle_mcp_deviation=-6.5,
+    middle_pip_flexion=40.0,
+    middle_dip_flexion=21.0,
+)
+
+
+def spacer_thumb_index(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """P1: a spacer between the bottoms of thumb and index."""
+    return _moved_about("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng)
+
+
+def spacer_index_middle(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """P2: a spacer between the sides of index and middle finger that face each other."""
+    return _moved_about("P2", [SPACER_INDEX_MIDDLE], APART, geometry, rng)
+
+
+def block(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """P4: a block held with thumb, index and middle finger."""
+    return _moved_about("P4", list(BLOCK.values()), GRASPED, geometry, rng)
+
+
+def pinch_twice(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """P3: distal tips of thumb and index in contact, closed and opened twice; the closed stretches are the task."""
+    shut, pause, gentle = rng.uniform(8.0, 12.0), 3.0, 1.2
+    t = _times(2 * (shut + pause) - gentle)
+    x = _held([PINCH], PINCHED, geometry, t, rng)
+    opening = _bump(t, shut, pause, gentle) + _bump(t, 2 * shut + pause, pause, gentle)
+    apart = posture(None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0)
+    whole = framed("P3", sampled(t, x + opening[:, None] * apart))
+    (task,) = whole.events
+    closed_at = (task.onset, task.onset + shut + pause)
+    return replace(whole, events=tuple(replace(task, onset=onset + MARGIN, duration=shut - 2 * MARGIN) for onset in closed_at))
+
+
+def _moved_about(name: str, holds: Sequence[Hold], guess: Array, geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    t = _times(rng.uniform(*TRIAL))
+    return framed(name, sampled(t, _held(holds, guess, geometry, t, rng)))
+
+
+def _held(holds: Sequence[Hold], guess: Array, geometry: HandGeometry, t: Array, rng: np.random.Generator) -> Array:
+    """Postures (n, 54): the hold closed throughout, the fingers swaying in it, the whole hand moving."""
+    x = closed(guess[None], holds, geometry) + moving(t, rng, geometry.hand)
+    for name in (name for finger in fingers_of(holds) for name, _, _ in freedoms(finger)):
+        x[:, COORDINATES[name]] += SWAY * gently(t) * swaying(t, rng)
+    return closed(x, holds, geometry)
+
+
+def _times(duration: float) -> Array:
+    return np.linspace(0.0, duration, round(duration * RATE) + 1)
+
+
+def _bump(t: Array, start: float, duration: float, gentle: float) -> Array:
+    """From 0 to 1 and back (n,), within `duration` from `start`."""
+    return smooth((t - start) / gentle) * smooth((start + duration - t) / gentle)
