@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from estimators import initial_pose, trajectory
+from estimators import initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENTS
+from estimators.finding import Finding, whole_streams
+from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.run import run
 from estimators.samples import MAG, Block, Event, Recording, join
-from estimators.trajectory import FLAG_WORDS, Trajectory
+from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
 
 WITHOUT_POSE = "the recording has no initial_pose event"
 WORTH_SAYING = 0.0005  # share of flagged samples that prints as 0.1 %
@@ -26,6 +27,7 @@ class Processed:
     trajectory: Trajectory
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()  # faults of sensors; their segments are flagged
 
 
 def process(
@@ -39,8 +41,56 @@ def process(
     _require_magnetometers(params, recording)
     calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
     moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
-    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *_flag_warnings(moved)]
-    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)))
+    findings = findings_of(recording, calibrations)
+    flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
+    told = [f.said for f in findings if f.kind != "saturated" or not _limits_known(recording)]
+    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
+    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings)
+
+
+def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:
+    """What is wrong with single sensors; where there is an initial pose, also with how they sit."""
+    blocks = _whole(recording)
+    poses = [c for c in calibrations if c.source.startswith("initial pose")]
+    if not poses:
+        return tuple(sensor_checks.check(blocks, (0.0, 0.0)))
+    found = sensor_checks.check(blocks, (poses[0].t, poses[0].end))
+    broken = {f.sensor for f in found if f.severity == "fault" and f.kind != "magnetometer"}
+    pose = replace(initial_pose.pose_of(_poses(recording.events)[0]), onset=poses[0].t, duration=poses[0].end - poses[0].t)
+    return (*found, *(f for f in mounting_checks.check(blocks, recording.mounting, pose, recording.events) if f.sensor not in broken))
+
+
+def _whole(recording: Recording) -> list[Block]:
+    """One block a stream; a recording that has them so is not copied."""
+    streams = getattr(recording, "samples", None)
+    return [b for b in (whole_streams(list(recording.blocks())) if streams is None else streams.values()) if len(b.t)]
+
+
+def flag_faults(moved: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool) -> None:
+    """Mark the segments of faulty sensors, of magnetometers only where the method uses them; clipping by the flag that it has.
+
+    What a sensor missed while it stood still is missing until the next pose (s): its heading counts as lost.
+    """
+    for finding in findings:
+        flag = Flag.SATURATED if finding.kind == "saturated" else Flag.FAULTY if finding.severity == "fault" else None
+        if flag is not None and finding.sensor in SEGMENT and (finding.kind != "magnetometer" or magnetometer):
+            for start, stop in finding.spans:
+                _mark(moved, finding.sensor, start, stop, flag)
+                if finding.kind in ("dead_axis", "stuck"):
+                    later = min((t for t in poses if t > start), default=np.inf)
+                    _mark(
+                        moved, finding.sensor, *((start, later) if start >= poses[0] else (-np.inf, min(stop, poses[0]))), Flag.HEADING_LOST
+                    )
+
+
+def _mark(moved: Trajectory, segment: str, start: float, stop: float, flag: Flag) -> None:
+    first, last = np.searchsorted(moved.t, [start - 1e-9, stop + 1e-9])
+    moved.flags[first:last, SEGMENT[segment]] |= np.uint8(flag)
+
+
+def _limits_known(recording: Recording) -> bool:
+    """Whether the fusion itself sees clipping, so that it is told by share already."""
+    return all(s.full_scale for s in recording.streams if s.inertial)
 
 
 def _heard(pieces: Iterator[Trajectory], span: tuple[float, float], progress: Callable[[float], None]) -> Iterator[Trajectory]:

@@ -19,6 +19,7 @@ class Flag(IntFlag):
     SATURATED = 4  # the gyroscope or accelerometer was at its limit
     UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
     MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
+    FAULTY = 32  # the sensor is broken, turned or exchanged: estimators/sensor_checks.py, mounting_checks.py
 
 
 FLAG_WORDS = {
@@ -27,6 +28,7 @@ FLAG_WORDS = {
     Flag.SATURATED: "sensor at its limit",
     Flag.UNCALIBRATED: "no calibration",
     Flag.MAGNETIC: "magnetic disturbance",
+    Flag.FAULTY: "faulty sensor",
 }
 
 

@@ -53,10 +53,13 @@ def read(path: Path) -> Contents:
     return contents
 
 
-def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
-    """Open a recording: decode its wire bytes as the live view did; `hand` where neither recording nor glove says it."""
+def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRecording:
+    """Open a recording: decode its wire bytes as the live view did; `hand` where neither recording nor glove says it.
+
+    With `correct` false the samples are what the sensors read, not corrected by their strips' calibrations.
+    """
     contents = read(path)
-    assembler, parts = Assembler(), _Parts()
+    assembler, parts = Assembler(correct=correct), _Parts()
     for arrival, chunk in contents.wire:
         parts.add(assembler.feed(chunk, arrival))
     side = _hand(contents.metadata, assembler.identity, hand)
@@ -73,6 +76,7 @@ def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
         checksum=file_checksum(path),
         source=_source(contents.metadata, assembler.identity),
         losses={name: count.lost for name, count in assembler.counts.items()},
+        strip_ids={point: f"{strip.strip_id:x}" for strip in assembler.strips.values() for point in strip.points},
     )
 
 

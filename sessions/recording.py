@@ -30,6 +30,7 @@ class LoadedRecording:
     checksum: str = ""  # sha256 of the file or, for a folder, of its files in order of name
     source: Mapping[str, Any] = field(default_factory=dict)  # format, device, firmware, software: provenance in words
     losses: Mapping[str, int] = field(default_factory=dict)  # samples lost on the way, by stream
+    strip_ids: Mapping[str, str] = field(default_factory=dict)  # which strip each tracked point was on, where the glove says
 
     @property
     def streams(self) -> tuple[Stream, ...]:

@@ -14,6 +14,7 @@ from app.commands.words import say
 from app.devices.virtual_glove import terminal
 from app.devices.virtual_glove.faults import FaultParams, Faults
 from app.devices.virtual_glove.firmware import Build, Firmware
+from app.devices.virtual_glove.flash import Flash, delivered
 from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS, HANDS
@@ -66,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     build = Build(
         device_id=0x5C09E0 + arguments.seed, drift=arguments.drift * 1e-6, format=Format.INT16 if kind == "int16" else Format.FLOAT32
     )
+    flash = Flash() if arguments.replay else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
     script = terminal.Script(_actions(arguments))
     faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
     say(
@@ -79,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         powered[0] += 1
         if powered[0] > 1 and isinstance(wearer, SimulatedPerson):
             wearer.__post_init__()
-        return Firmware(wearer, replace(build, boot_id=int(rng.integers(1, 2**31))), rng)
+        return Firmware(wearer, replace(build, boot_id=int(rng.integers(1, 2**31))), rng, flash)
 
     terminal.serve(arguments.pty, power_up, faults, script, arguments.speed, _typing(script))
     return 0

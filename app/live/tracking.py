@@ -7,13 +7,13 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from estimators import initial_pose, trajectory
+from estimators import initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.hand_anatomy import Hand
@@ -81,8 +81,17 @@ class Tracking:
         with self._lock:
             window = [join(list(blocks)) for blocks in self._samples.values() if blocks]
             calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
+            calibration = self._checked(calibration, window, pose)
             self._begin(calibration)
             return calibration
+
+    def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
+        """The calibration with what is wrong with the sensors among its warnings."""
+        still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
+        found = sensor_checks.check(window, (calibration.t, calibration.end))
+        broken = {f.sensor for f in found if f.severity == "fault"}
+        found += [f for f in mounting_checks.check(window, self.mounting, still, ()) if f.sensor not in broken]
+        return replace(calibration, warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))))
 
     def begin(self, calibration: Calibration) -> None:
         """Start from a calibration made before."""

@@ -19,7 +19,7 @@ from estimators.trajectory import Flag, Trajectory
 
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
-UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED)
+UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from estimators import imu_calibration
 from estimators import quaternions as quat
+from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream, join
 from sessions.clock_mapping import ClockMap
@@ -49,6 +51,7 @@ class Assembler:
     """Feed it the bytes of one port with their arrival times; it never raises on what a device sends."""
 
     decoder: Decoder = field(default_factory=Decoder)
+    correct: bool = True  # whether raw samples are corrected by the strips' calibrations; False gives what the sensors read
     identity: Identity | None = None
     status: Status | None = None
     strips: dict[int, Strip] = field(default_factory=dict)  # by slot, attached ones
@@ -61,6 +64,7 @@ class Assembler:
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
     undescribed: int = 0  # bursts dropped because their stream was never described
     host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
+    _corrections: dict[int, tuple[ImuCalibration, ...]] = field(default_factory=dict)  # by stream number, one a sensor
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
     _zero: int | None = None  # base clock at recording time 0, ns; moves when the device begins again
     _next_index: dict[int, int] = field(default_factory=dict)
@@ -113,7 +117,8 @@ class Assembler:
             case Mark():
                 self._marked(message)
             case StripCalibration():
-                self.calibrations[message.slot, message.sensor] = message
+                self._calibrated(message)
+                return self._released()
         return ()
 
     def _identified(self, identity: Identity) -> None:
@@ -122,10 +127,14 @@ class Assembler:
             self._waiting.clear()
             self._early.clear()
             self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
+            self.calibrations, self._corrections = {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity
 
     def _plugged(self, strip: Strip) -> None:
+        before = self.strips.get(strip.slot)
+        if not strip.attached or (before is not None and before.strip_id != strip.strip_id):  # another strip has another flash
+            self.calibrations = {key: c for key, c in self.calibrations.items() if key[0] != strip.slot}
         if not strip.attached:
             self.strips.pop(strip.slot, None)
             gone = [n for n, info in self.infos.items() if info.slot == strip.slot]
@@ -135,6 +144,12 @@ class Assembler:
             self.strips[strip.slot] = strip
             turned = np.reshape(strip.mounting, (-1, 4)) if strip.mounting else np.tile(quat.IDENTITY, (len(strip.points), 1))
             self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
+            self._rename()
+
+    def _calibrated(self, calibration: StripCalibration) -> None:
+        key = calibration.slot, calibration.sensor
+        if self.calibrations.get(key) != calibration:
+            self.calibrations[key] = calibration
             self._rename()
 
     def _marked(self, mark: Mark) -> None:
@@ -161,17 +176,30 @@ class Assembler:
         """Stream descriptions of everything that is known from both its strip and its StreamInfo."""
         for number, info in self.infos.items():
             strip = self.strips.get(info.slot)
-            if strip is None:
+            corrections = self._corrections_of(strip) if strip is not None else None
+            if strip is None or corrections is None:
+                self.streams.pop(number, None)  # its bursts wait
                 continue
             name = _label(strip.points) + (
                 "" if GYR in info.quantities else "_mag" if MAG in info.quantities else "_force" if FORCE in info.quantities else "_other"
             )
             if name in {s.name for n, s in self.streams.items() if n != number}:  # two strips for the same finger
                 name += f"_slot{info.slot}"
-            scales = {q: f for q, f in zip(info.quantities, info.full_scale) if f > 0}
+            scales = {q: imu_calibration.reach(corrections, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
+            self._corrections[number] = corrections
             stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales)
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
+
+    def _corrections_of(self, strip: Strip) -> tuple[ImuCalibration, ...] | None:
+        """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
+        if not (strip.raw and self.correct):
+            return ()
+        told = [self.calibrations.get((strip.slot, k)) for k in range(len(strip.points))]
+        known = tuple(correction_of(c) for c in told if c is not None)
+        if len(known) < len(told):
+            return None
+        return () if all(c.trivial for c in known) else known
 
     def _sampled(self, samples: Samples, arrival: float) -> Iterable[Block]:
         stream, info = self.streams.get(samples.stream), self.infos.get(samples.stream)
@@ -182,6 +210,8 @@ class Assembler:
             return
         try:
             values = values_of(samples, info, len(stream.sensors))
+            if corrections := self._corrections.get(samples.stream):
+                values = imu_calibration.apply(corrections, stream.quantities, values)
         except BadPayloadError:
             self.undescribed += 1
             return
@@ -219,6 +249,20 @@ class Assembler:
         for quantity, limit in stream.full_scale.items():
             count.saturated += int((np.abs(values[..., stream.axes(quantity)]) >= 0.98 * limit).any(axis=-1).sum())
         self._next_index[samples.stream] = (samples.index + samples.count) % 2**32
+
+
+def correction_of(message: StripCalibration) -> ImuCalibration:
+    """The value of a message."""
+    bias, matrix = np.reshape(message.bias, (3, 3)), np.reshape(message.matrix, (3, 3, 3))
+    return ImuCalibration(dict(zip(CALIBRATED, matrix)), dict(zip(CALIBRATED, bias)))
+
+
+def message_of(calibration: ImuCalibration, slot: int, sensor: int) -> StripCalibration:
+    """The inverse of `correction_of`, in the single precision of the wire."""
+    parts = [calibration.of(q) for q in CALIBRATED]
+    bias = np.concatenate([b for _, b in parts]).astype("<f4")
+    matrix = np.concatenate([M.ravel() for M, _ in parts]).astype("<f4")
+    return StripCalibration(slot, sensor, tuple(map(float, bias)), tuple(map(float, matrix)))
 
 
 def _degrees(value: str) -> float | str:

@@ -54,6 +54,7 @@ class Strip:
     strip_id: int
     points: tuple[str, ...]
     mounting: tuple[float, ...] = ()  # nominal q_BS of each sensor, 4 numbers each; empty = axes along the segment's
+    raw: bool = False  # samples are as the sensors read; the host corrects them by the StripCalibration of each
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,13 @@ class ReadCalibration:
     slot: int
 
 
+@dataclass(frozen=True)
+class WriteCalibration:
+    """Keep this in the strip's flash."""
+
+    calibration: StripCalibration
+
+
 Message = (
     Identity
     | Strip
@@ -185,6 +193,7 @@ Message = (
     | Ping
     | Cue
     | ReadCalibration
+    | WriteCalibration
 )
 
 
@@ -265,11 +274,11 @@ def _read_strip(p: bytes) -> Strip:
     mounting = struct.unpack(f"<{4 * count}f", p[11 + count :]) if len(p) > 11 + count else ()
     if not all(0.99 < np.linalg.norm(mounting[k : k + 4]) < 1.01 for k in range(0, len(mounting), 4)):
         raise ValueError("a mounting is no unit quaternion")
-    return Strip(slot, bool(attached), strip_id, points, mounting)
+    return Strip(slot, bool(attached & 1), strip_id, points, mounting, bool(attached & 2))
 
 
 def _write_strip(m: Strip) -> bytes:
-    head = struct.pack("<BBQB", m.slot, m.attached, m.strip_id, len(m.points))
+    head = struct.pack("<BBQB", m.slot, m.attached | 2 * m.raw, m.strip_id, len(m.points))
     return head + bytes(TRACKED_POINTS.index(point) for point in m.points) + struct.pack(f"<{len(m.mounting)}f", *m.mounting)
 
 
@@ -318,6 +327,8 @@ def _write_reply(m: Reply) -> bytes:
 
 def _read_calibration(p: bytes) -> StripCalibration:
     slot, sensor, *numbers = struct.unpack("<BB36f", p)
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"calibration of {numbers}")
     return StripCalibration(slot, sensor, tuple(numbers[:9]), tuple(numbers[9:]))
 
 
@@ -382,5 +393,6 @@ _CODECS: dict[type, tuple[int, Callable[[Any], bytes], Callable[[bytes], Any]]] 
     Ping: (0x85, lambda m: struct.pack("<Q", m.token), lambda p: Ping(*struct.unpack("<Q", p))),
     Cue: (0x86, _write_cue, _read_cue),
     ReadCalibration: (0x87, lambda m: bytes([m.slot]), lambda p: ReadCalibration(p[0])),
+    WriteCalibration: (0x88, lambda m: _write_calibration(m.calibration), lambda p: WriteCalibration(_read_calibration(p))),
 }
 _BY_CODE = {code: read for code, _, read in _CODECS.values()}

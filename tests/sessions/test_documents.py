@@ -63,7 +63,9 @@ def test_every_unit_stands_beside_its_type() -> None:
 def test_limits_of_a_zip_and_flags_are_told() -> None:
     assert f"{files.MOST_FILES:,}".replace(",", " ") + f" files or {files.MOST_BYTES // 2**30} GB" in BIDS
     assert f"{files.MOST_RATIO} times its size" in BIDS
-    assert [int(n) for n in re.findall(r"(\d+) (?:sample|heading|sensor at|not cal|magnetic)", BIDS)] == [flag.value for flag in Flag]
+    assert [int(n) for n in re.findall(r"(\d+) (?:sample|heading|sensor at|not cal|magnetic|faulty)", BIDS)] == [
+        flag.value for flag in Flag
+    ]
 
 
 @pytest.mark.parametrize("joint", JOINTS, ids=lambda joint: joint.name)

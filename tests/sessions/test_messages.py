@@ -22,7 +22,9 @@ def strips(draw: st.DrawFn) -> wire.Strip:
     points = tuple(draw(st.lists(st.sampled_from(TRACKED_POINTS), max_size=4)))
     turned = np.random.default_rng(draw(SHORT)).normal(size=(len(points), 4))
     mounting = (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype("<f4").ravel()
-    return wire.Strip(draw(BYTE), draw(st.booleans()), draw(LONG), points, tuple(map(float, mounting)) if draw(st.booleans()) else ())
+    return wire.Strip(
+        draw(BYTE), draw(st.booleans()), draw(LONG), points, tuple(map(float, mounting)) if draw(st.booleans()) else (), draw(st.booleans())
+    )
 
 
 @st.composite
@@ -33,6 +35,7 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
     return wire.StreamInfo(draw(BYTE), draw(BYTE), draw(BYTE), quantities, draw(st.sampled_from(Format)), rate, numbers[0], numbers[1])
 
 
+CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, st.tuples(*9 * [REAL]), st.tuples(*27 * [REAL]))
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Identity: st.builds(wire.Identity, LONG, SHORT, st.sampled_from([None, "left", "right"]), TEXT, TEXT, st.integers(0, 65535)),
     wire.Strip: strips(),
@@ -42,7 +45,7 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Reply: st.builds(wire.Reply, BYTE, st.sampled_from(wire.ReplyCode), TEXT),
     wire.Pong: st.builds(wire.Pong, LONG, LONG),
     wire.Mark: st.builds(wire.Mark, LONG, LONG, TEXT, PAIRS),
-    wire.StripCalibration: st.builds(wire.StripCalibration, BYTE, BYTE, st.tuples(*9 * [REAL]), st.tuples(*27 * [REAL])),
+    wire.StripCalibration: CALIBRATIONS,
     wire.Identify: st.just(wire.Identify()),
     wire.Configure: st.builds(wire.Configure, BYTE, st.floats(0, 1000), st.floats(0, 100), REAL, REAL, st.sampled_from(Format)),
     wire.Start: st.just(wire.Start()),
@@ -50,6 +53,7 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Ping: st.builds(wire.Ping, LONG),
     wire.Cue: st.builds(wire.Cue, TEXT, PAIRS),
     wire.ReadCalibration: st.builds(wire.ReadCalibration, BYTE),
+    wire.WriteCalibration: CALIBRATIONS.map(wire.WriteCalibration),
 }
 ANY = st.one_of(*MESSAGES.values())
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from app.devices.virtual_glove.flash import Flash
 from app.devices.virtual_glove.wearer import Wearer
 from estimators.samples import GYR, MAG, Block, Stream
 from sessions.wire import messages as wire
@@ -42,6 +43,7 @@ class Firmware:
     wearer: Wearer
     build: Build
     rng: np.random.Generator
+    flash: Flash = field(default_factory=Flash)  # outlives the firmware: it is the strips'
     running: bool = False
     overruns: int = 0  # samples dropped because nobody took the bytes
     _decoder: Decoder = field(default_factory=lambda: Decoder(ordered=False))
@@ -114,15 +116,9 @@ class Firmware:
             case wire.Configure():
                 return self._configure(command, ok)
             case wire.ReadCalibration():
-                return [
-                    *(
-                        wire.StripCalibration(command.slot, k)
-                        for s in self._strips()
-                        if SLOTS.index(s.name) == command.slot
-                        for k in range(len(s.sensors))
-                    ),
-                    ok,
-                ]
+                return [*(m for s in self._strips() if self._slot(s) == command.slot for m in self._calibrations(s)), ok]
+            case wire.WriteCalibration():
+                return self._write_calibration(command.calibration, ok)
         return [wire.Reply(code, wire.ReplyCode.UNKNOWN_COMMAND)]
 
     def _configure(self, command: wire.Configure, ok: wire.Reply) -> list[wire.Message]:
@@ -136,21 +132,37 @@ class Firmware:
         self.build = replace(self.build, format=command.format)
         return [*self._descriptions(), ok]
 
+    def _write_calibration(self, calibration: wire.StripCalibration, ok: wire.Reply) -> list[wire.Message]:
+        if self.running:
+            return [replace(ok, code=wire.ReplyCode.BUSY, text="stop first")]
+        strip = next((s for s in self._strips() if self._slot(s) == calibration.slot and s.name not in self._pulled), None)
+        if strip is None or not self.flash.keep(strip.name, calibration):
+            text = f"no flash for sensor {calibration.sensor} of slot {calibration.slot}"
+            return [replace(ok, code=wire.ReplyCode.BAD_ARGUMENT, text=text)]
+        return [*self._calibrations(strip), ok]
+
     def _descriptions(self) -> list[wire.Message]:
         b = self.build
         told: list[wire.Message] = [wire.Identity(b.device_id, b.boot_id, self.wearer.hand, b.name, b.firmware)]
-        told += [self._strip(s) for s in self._strips()]
+        for s in self._strips():
+            told += [self._strip(s), *(self._calibrations(s) if s.name in self.flash.kept and s.name not in self._pulled else ())]
         return told + [self._info(n, s) for n, s in enumerate(self.wearer.streams) if s.name not in self._pulled]
 
     def _strips(self) -> list[Stream]:
         """One stream of each strip, for its sensors."""
         return list({s.name: s for s in reversed(self.wearer.streams)}.values())[::-1]
 
+    def _slot(self, s: Stream) -> int:
+        return SLOTS.index(s.name) if s.name in SLOTS else len(SLOTS) + sorted(x.name for x in self._strips()).index(s.name)
+
+    def _calibrations(self, s: Stream) -> list[wire.StripCalibration]:
+        return self.flash.told(s.name, self._slot(s), len(s.sensors))
+
     def _strip(self, s: Stream) -> wire.Strip:
-        slot = SLOTS.index(s.name) if s.name in SLOTS else len(SLOTS) + sorted(x.name for x in self._strips()).index(s.name)
+        slot, raw = self._slot(s), s.name in self.flash.kept
         q = [self.wearer.mounting.get(point, np.array([1.0, 0, 0, 0])) for point in s.sensors]
         mounting = tuple(float(x) for x in np.concatenate(q)) if self.wearer.mounting else ()
-        return wire.Strip(slot, s.name not in self._pulled, 0xA000 + 16 * self.build.device_id + slot, s.sensors, mounting)
+        return wire.Strip(slot, s.name not in self._pulled, 0xA000 + 16 * self.build.device_id + slot, s.sensors, mounting, raw)
 
     def _info(self, number: int, s: Stream) -> wire.StreamInfo:
         full = tuple(float(s.full_scale.get(q, 0.0)) for q in s.quantities)
@@ -175,7 +187,7 @@ class Firmware:
         info = self._info(number, stream)
         room = (LONGEST - 64) // (len(stream.sensors) * 3 * len(stream.quantities) * (2 if info.format is wire.Format.INT16 else 4))
         most = max(1, min(255, room, round(self.build.burst * stream.rate)))
-        made = []
+        values, made = self.flash.readings(stream, block.values), []
         for first, last in _runs(block.t, stream.rate, most):
             delay = 0.0
             if info.clock:
@@ -183,7 +195,7 @@ class Firmware:
                 delay = least + float(self.rng.exponential(mean - least))
             index = self._indices.get(number, 0)
             self._indices[number] = index + last - first
-            data = wire.data_of(block.values[first:last], info)
+            data = wire.data_of(values[first:last], info)
             own = (
                 self._clock_ns(float(block.t[first]))
                 if not info.clock

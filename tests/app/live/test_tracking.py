@@ -96,3 +96,17 @@ def test_a_pose_that_moved_is_refused_and_changes_nothing() -> None:
         with pytest.raises(InputError, match="was not still"):
             tracking.calibrate(initial_pose.Pose(8.0, 3.5))
     assert tracking.calibration is None
+
+
+def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> None:
+    recording = in_strips("left")
+    samples, pose = dict(recording.samples), initial_pose.pose_of(recording.events[0])
+    ring = samples["ring"]
+    values = ring.values.copy()
+    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1]  # turned by 90 deg about z
+    tracking, _ = live()
+    with tracking:
+        play(tracking, samples | {"ring": Block(ring.stream, ring.t, values)}, pose)
+        assert tracking.calibration is not None
+        (warning,) = tracking.calibration.warnings
+    assert warning.startswith("ring_middle: it sits turned by about 90 deg")

@@ -1,0 +1,78 @@
+"""Write calibrations into the flash of the strips at a port, and read them back: the glove must be stopped, nothing else may hold the port."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from app.devices.ports import open_port
+from estimators.errors import InputError
+from estimators.imu_calibration import ImuCalibration
+from sessions.wire import messages as wire
+from sessions.wire.assembly import Assembler, correction_of, message_of
+from sessions.wire.framing import Encoder
+
+ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 0.1
+
+
+def write(path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> list[str]:
+    """Write by tracked point and verify; `strip_ids` are those that the recording told. Gives the points written; InputError where one cannot be."""
+    port = open_port(path)
+    try:
+        talk = _Talk(port)
+        talk.ask(wire.Stop())
+        talk.ask(wire.Identify())
+        places = _places(talk.assembler, calibrations, strip_ids)
+        for point, (slot, sensor) in places.items():
+            talk.ask(wire.ReadCalibration(slot))
+            message = message_of(_over(talk.assembler.calibrations[slot, sensor], calibrations[point]), slot, sensor)
+            talk.ask(wire.WriteCalibration(message))
+            talk.ask(wire.ReadCalibration(slot))
+            if talk.assembler.calibrations.get((slot, sensor)) != message:
+                raise InputError(f"{point}: the strip did not keep what was written; write it again, or change the strip")
+        return list(places)
+    finally:
+        port.close()
+
+
+def _places(assembler: Assembler, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> dict[str, tuple[int, int]]:
+    """Slot and number of each point's sensor; refused before anything is written where one is missing or of another strip."""
+    plugged = {point: (strip, k) for strip in assembler.strips.values() for k, point in enumerate(strip.points)}
+    for point in calibrations:
+        if point not in plugged:
+            raise InputError(f"{point}: no strip with this sensor is plugged in; plug in the strip that was recorded and write again")
+        strip = plugged[point][0]
+        if not strip.raw:
+            raise InputError(f"{point}: this strip corrects its samples by itself; its calibration cannot be written from here")
+        if strip_ids.get(point, f"{strip.strip_id:x}") != f"{strip.strip_id:x}":
+            raise InputError(
+                f"{point}: strip {strip.strip_id:x} is plugged in, the recording is of strip {strip_ids[point]}; plug in that one and write again"
+            )
+    return {point: (plugged[point][0].slot, plugged[point][1]) for point in calibrations}
+
+
+def _over(kept: wire.StripCalibration, found: ImuCalibration) -> ImuCalibration:
+    """What was found, and of quantities that were not calibrated what the strip has."""
+    before = correction_of(kept)
+    return ImuCalibration({**before.matrix, **found.matrix}, {**before.bias, **found.bias})
+
+
+class _Talk:
+    """One question after the other over an open port."""
+
+    def __init__(self, port: Any) -> None:
+        self.assembler, self._port, self._encoder = Assembler(), port, Encoder()
+
+    def ask(self, command: wire.Message) -> None:
+        """Send and wait for the reply; InputError where it is not OK or does not come."""
+        code, name = wire.encode(command)[0], type(command).__name__
+        self.assembler.replies.clear()
+        self._port.write(self._encoder.frame(command))
+        end = time.monotonic() + ANSWER
+        while time.monotonic() < end:
+            self.assembler.feed(bytes(self._port.read(65536)), time.monotonic())
+            for reply in self.assembler.replies:
+                if reply.command == code:
+                    if reply.code is not wire.ReplyCode.OK:
+                        raise InputError(f"the glove refused {name}: {reply.text or reply.code.name.lower().replace('_', ' ')}")
+                    return
+        raise InputError(f"the glove did not answer {name} within {ANSWER:g} s; is it the right port?")

@@ -1,0 +1,162 @@
+"""Which axes of which sensors stand still, second by second: a living sensor's noise changes every axis.
+
+In      samples of all streams, one block each
+Out     Findings: dead axes, sensors and magnetometers that give one reading
+Source  ours. An axis is dead where the covariance of the steps from sample to sample has no extent in some direction; after a strip's correction that
+        direction is no longer quite the axis, so the covariance is looked at and not the axis
+Limits  noiseless data (a simulation) has no such mark: where in some second nearly everything stands still, or most of the other fingers' sensors do,
+        nothing is said; nothing either while nothing moves
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.finding import Finding
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, MAG, Block
+
+WINDOW = 1.0  # s
+STILL = {GYR: 1e-6, ACC: 1e-5, MAG: 1e-11}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding
+NOISELESS = 0.95  # share of all directions that stand still in some second
+OTHERS = 0.8  # share of the other sensors' directions that must change meanwhile
+MOVES = 0.2  # rad/s, root mean square of the angular rate in a second of movement
+WORDS = {GYR: "gyroscope", ACC: "accelerometer", MAG: "magnetometer"}
+CHECK = "check its plug and cable, or change the strip"
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One quantity of one sensor, second by second."""
+
+    dead: NDArray[np.bool_]  # (seconds, 3) directions without extent, least first
+    axis: NDArray[np.intp]  # (seconds, 3) the sensor axis nearest to each direction
+    known: NDArray[np.bool_]  # (seconds,) whether there were samples
+
+
+def check(blocks: Sequence[Block]) -> list[Finding]:
+    """All that stands still although it should not."""
+    spans = [(b.t[0], b.t[-1]) for b in blocks if len(b.t)]
+    edges = np.arange(min((s for s, _ in spans), default=0.0), max((e for _, e in spans), default=0.0) + WINDOW, WINDOW)
+    if len(edges) < 2:
+        return []
+    seen = {
+        (s, q): _seen(b, k, q, edges) for b in blocks for k, s in enumerate(b.stream.sensors) for q in b.stream.quantities if q in WORDS
+    }
+    moves = {s: _moves(b, k, edges) for b in blocks if GYR in b.stream.quantities for k, s in enumerate(b.stream.sensors)}
+    inertial = [s for (_, q), s in seen.items() if q != MAG]
+    if not inertial or _share([s.dead for s in inertial], [s.known for s in inertial]).max() >= NOISELESS:
+        return []
+    found = []
+    for (sensor, quantity), own in seen.items():
+        if own.dead.any():
+            others = _others(sensor, quantity, seen)
+            near = [m for s, m in moves.items() if sensor in ("hand", "forearm") or _finger(s) == _finger(sensor)]
+            moved = np.any(near, axis=0) if near else np.ones(len(edges) - 1, bool)
+            found += _standing(sensor, quantity, own, others, moved, edges)
+    return _merged(found)
+
+
+def _seen(block: Block, k: int, quantity: str, edges: Array) -> _Seen:
+    """Extent of the steps from sample to sample in each second."""
+    values = block.values[:, k, block.stream.axes(quantity)]
+    first = np.searchsorted(block.t, edges)
+    steps = np.diff(values, axis=0, append=values[-1:])
+    with np.errstate(invalid="ignore"):
+        products = np.stack([steps[:, i] * steps[:, j] for i, j in _PAIRS])
+    sums = _sums(products, first)
+    count = np.diff(first)
+    known = (count >= max(3.0, 0.5 * WINDOW * block.stream.rate)) & np.isfinite(sums).all(axis=0)
+    covariance = np.zeros((len(count), 3, 3))
+    for (i, j), values_ij in zip(_PAIRS, np.where(known, sums, 0.0)):
+        covariance[:, i, j] = covariance[:, j, i] = values_ij / np.maximum(count, 1)
+    suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=1, axis2=2) ** 2)
+    dead, axis = np.zeros((len(count), 3), bool), np.zeros((len(count), 3), np.intp)
+    if suspect.any():
+        extent, directions = np.linalg.eigh(covariance[suspect])
+        dead[suspect] = np.sqrt(np.maximum(extent, 0.0)) < STILL[quantity]
+        axis[suspect] = np.abs(directions).argmax(axis=1)
+    return _Seen(dead, axis, known)
+
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _sums(products: Array, first: NDArray[np.intp]) -> Array:
+    """Sums (6, seconds) over the samples of each second; a step into the next one does not count."""
+    inside = products.copy()
+    inside[:, np.clip(first[1:] - 1, 0, products.shape[1] - 1)] = 0.0
+    padded = np.concatenate([inside, np.zeros((6, 1))], axis=1)
+    sums = np.add.reduceat(padded, np.minimum(first[:-1], products.shape[1]), axis=1)
+    return np.asarray(np.where(np.diff(first) > 0, sums, 0.0))
+
+
+def _moves(block: Block, k: int, edges: Array) -> NDArray[np.bool_]:
+    rate = block.of(GYR)[:, k]
+    squares = np.nan_to_num((rate**2).sum(axis=1))
+    first = np.searchsorted(block.t, edges)
+    sums = np.add.reduceat(np.append(squares, 0.0), np.minimum(first[:-1], len(squares)))
+    return np.asarray((sums > MOVES**2 * np.maximum(np.diff(first), 1)) & (np.diff(first) > 0))
+
+
+def _finger(sensor: str) -> str:
+    return sensor.split("_")[0]
+
+
+def _share(dead: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]) -> Array:
+    """Share (seconds,) of directions that stand still, of those known."""
+    counted = np.sum(known, axis=0)
+    return np.asarray(np.where(counted > 0, np.sum([d.sum(axis=1) for d in dead], axis=0) / np.maximum(3 * counted, 1), 0.0))
+
+
+def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> NDArray[np.bool_]:
+    """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
+    apart = [s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)]
+    if apart:
+        return 1.0 - _share([s.dead for s in apart], [s.known for s in apart]) >= OTHERS
+    return np.asarray(seen[sensor, quantity].dead.sum(axis=1) < 3)
+
+
+def _standing(sensor: str, quantity: str, own: _Seen, others: NDArray[np.bool_], moved: NDArray[np.bool_], edges: Array) -> list[Finding]:
+    kept, axes = np.zeros(len(others), bool), ""
+    for axis in range(3):
+        still = (own.dead & (own.axis == axis)).any(axis=1) & others
+        for a, b in runs(still):
+            if moved[a:b].any():
+                kept[a:b], axes = True, axes + ("" if "xyz"[axis] in axes else "xyz"[axis])
+    if not kept.any():
+        return []
+    spans = tuple((float(edges[a]), float(edges[b])) for a, b in runs(kept))
+    when = f"for {sum(e - s for s, e in spans):.0f} s, from {spans[0][0]:.0f} s on"
+    if len(axes) == 3:
+        kind, what = "stuck", f"its {WORDS[quantity]} gave one and the same reading {when}"
+    else:
+        named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
+        kind, what = "dead_axis", f"{named} did not change {when}"
+    return [Finding(sensor, "magnetometer" if quantity == MAG else kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
+
+
+def _merged(found: list[Finding]) -> list[Finding]:
+    """Gyroscope and accelerometer that stand still together are one finding."""
+    stuck = {(f.sensor, WORDS[GYR] in f.sentence): f for f in found if f.kind == "stuck"}
+    both = {s for s, gyr in stuck if gyr and (s, False) in stuck}
+    merged = [
+        Finding(
+            s,
+            "stuck",
+            stuck[s, True].sentence.replace("gyroscope", "gyroscope and accelerometer"),
+            CHECK,
+            "fault",
+            tuple(sorted({*stuck[s, True].spans, *stuck[s, False].spans})),
+        )
+        for s in sorted(both)
+    ]
+    return [f for f in found if not (f.kind == "stuck" and f.sensor in both)] + merged
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches [first, last) of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(-1, 2)
+    return [(int(a), int(b)) for a, b in edges]
