@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG
@@ -34,28 +35,43 @@ class ImuCalibration:
         return all(np.array_equal(m, np.eye(3)) and not np.any(b) for m, b in map(self.of, CALIBRATED))
 
 
+@dataclass(frozen=True)
+class Correction:
+    """The calibrations of a stream's sensors side by side."""
+
+    matrix: Array  # (sensors, quantities, 3, 3)
+    bias: Array  # (sensors, quantities, 3)
+    known: NDArray[np.bool_]  # (sensors, quantities) the others are taken as they read
+    acc: NDArray[np.bool_]  # (quantities,)
+
+
+def correction(calibrations: Sequence[ImuCalibration], quantities: Sequence[str]) -> Correction:
+    """What `corrected` needs of one calibration a sensor."""
+    parts = [[c.of(q) for q in quantities] for c in calibrations]
+    known = [[q in c.matrix or q in c.bias for q in quantities] for c in calibrations]
+    matrix, bias = ([[np.asarray(part[k], float) for part in row] for row in parts] for k in (0, 1))
+    return Correction(np.array(matrix), np.array(bias), np.array(known), np.array([q == ACC for q in quantities]))
+
+
 def apply(calibrations: Sequence[ImuCalibration], quantities: Sequence[str], values: Array) -> Array:
+    """Corrected values (..., sensors, 3 * quantities) by one calibration a sensor."""
+    return corrected(correction(calibrations, quantities), values)
+
+
+def corrected(by: Correction, values: Array) -> Array:
     """Corrected values (..., sensors, 3 * quantities), each sample by itself; a missing axis leaves its whole sample missing.
 
     Three exact zeros of an accelerometer stay what they are: a sensor that does not answer.
     """
-    assert values.shape[-2:] == (len(calibrations), 3 * len(quantities))
-    corrected = values.copy()
-    for k, calibration in enumerate(calibrations):
-        for n, quantity in enumerate(quantities):
-            if quantity in calibration.matrix or quantity in calibration.bias:
-                axes = slice(3 * n, 3 * n + 3)
-                corrected[..., k, axes] = _corrected(*calibration.of(quantity), values[..., k, axes], quantity == ACC)
-    return corrected
-
-
-def _corrected(matrix: Array, bias: Array, reading: Array, zeros_are_missing: bool) -> Array:
-    """Axis by axis, so that a sample's result does not depend on how many come with it."""
+    reading = values.reshape(*values.shape[:-1], values.shape[-1] // 3, 3)
+    assert reading.shape[-3:] == by.bias.shape
     with np.errstate(over="ignore", invalid="ignore"):
-        x, y, z = (reading[..., axis] - bias[axis] for axis in range(3))
-        made = np.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix], axis=-1)
-    silent = (reading == 0).all(axis=-1, keepdims=True) & zeros_are_missing
-    return np.asarray(np.where(silent, reading, np.where(np.isfinite(made), made, np.nan)))
+        straight = reading - by.bias
+        x, y, z = (straight[..., axis, None] for axis in range(3))  # axis by axis: a sample does not depend on how many come with it
+        made = by.matrix[..., 0] * x + by.matrix[..., 1] * y + by.matrix[..., 2] * z
+    silent = (reading == 0).all(axis=-1) & by.acc
+    taken = np.where((by.known & ~silent)[..., None], np.where(np.isfinite(made), made, np.nan), reading)
+    return np.asarray(taken.reshape(values.shape))
 
 
 def after(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:

@@ -21,6 +21,7 @@ from sessions.wire.assembly import Assembler
 from sessions.wire.messages import Identity
 
 SUFFIX = ".mcap"
+TOGETHER = 1000  # pieces of the wire taken at a time
 
 
 @dataclass
@@ -60,8 +61,8 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
     """
     contents = read(path)
     assembler, parts = Assembler(correct=correct), _Parts()
-    for arrival, chunk in contents.wire:
-        parts.add(assembler.feed(chunk, arrival))
+    for k in range(0, len(contents.wire), TOGETHER):
+        parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
     side = _hand(contents.metadata, assembler.identity, hand)
     geometry = sized(side, measures_from(contents.metadata.get("geometry") or {}))
     mounting = assembler.mounting | {name: np.asarray(q, dtype=float) for name, q in dict(contents.metadata.get("mounting") or {}).items()}

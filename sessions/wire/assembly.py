@@ -12,13 +12,12 @@ import numpy as np
 
 from estimators import imu_calibration
 from estimators import quaternions as quat
-from estimators.imu_calibration import CALIBRATED, ImuCalibration
+from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from estimators.quaternions import Array
-from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream, join
+from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
 from sessions.wire.framing import Counters, Decoder
 from sessions.wire.messages import (
-    BadPayloadError,
     Identity,
     Mark,
     Message,
@@ -29,6 +28,7 @@ from sessions.wire.messages import (
     StreamInfo,
     Strip,
     StripCalibration,
+    fits,
     values_of,
 )
 
@@ -64,7 +64,7 @@ class Assembler:
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
     undescribed: int = 0  # bursts dropped because their stream was never described
     host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
-    _corrections: dict[int, tuple[ImuCalibration, ...]] = field(default_factory=dict)  # by stream number, one a sensor
+    _readings: dict[int, "_Reading"] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
     _zero: int | None = None  # base clock at recording time 0, ns; moves when the device begins again
     _next_index: dict[int, int] = field(default_factory=dict)
@@ -79,11 +79,16 @@ class Assembler:
 
     def feed(self, chunk: bytes, arrival: float) -> list[Block]:
         """Blocks completed by this chunk, at most one a stream; `arrival` is the host's clock in s."""
-        blocks: dict[int, list[Block]] = {}
-        for message in self.decoder.feed(chunk):
-            for block in self._take(message, arrival):
-                blocks.setdefault(id(block.stream), []).append(block)  # a stream described anew is another one
-        return [join(parts) for parts in blocks.values()]
+        return self.feed_all([(arrival, chunk)])
+
+    def feed_all(self, chunks: Iterable[tuple[float, bytes]]) -> list[Block]:
+        """Blocks completed by many (arrival, chunk), at most one a stream; the same samples as from one chunk after the other, sooner."""
+        bursts: dict[int, list[_Burst]] = {}
+        for arrival, chunk in chunks:
+            for message in self.decoder.feed(chunk):
+                for burst in self._take(message, arrival):
+                    bursts.setdefault(id(burst.reading), []).append(burst)  # a stream described anew is another one
+        return [block for parts in bursts.values() if len((block := self._block(parts)).t)]
 
     @property
     def waiting(self) -> int:
@@ -96,7 +101,7 @@ class Assembler:
             return None
         return self.host.remote(arrival) - self._zero * NS
 
-    def _take(self, message: Message, arrival: float) -> Iterable[Block]:
+    def _take(self, message: Message, arrival: float) -> "Iterable[_Burst]":
         match message:
             case Identity():
                 self._identified(message)
@@ -127,7 +132,7 @@ class Assembler:
             self._waiting.clear()
             self._early.clear()
             self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
-            self.calibrations, self._corrections = {}, {}
+            self.calibrations, self._readings = {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity
 
@@ -165,8 +170,8 @@ class Assembler:
             self._next_index.pop(info.stream, None)
             self._rename()
 
-    def _released(self) -> Iterable[Block]:
-        """Blocks of the bursts whose stream is described by now."""
+    def _released(self) -> "Iterable[_Burst]":
+        """The bursts whose stream is described by now."""
         ready = [w for w in self._waiting if w[0].stream in self.streams]
         self._waiting = deque((w for w in self._waiting if w[0].stream not in self.streams), maxlen=WAITING)
         for samples, arrival in ready:
@@ -176,8 +181,8 @@ class Assembler:
         """Stream descriptions of everything that is known from both its strip and its StreamInfo."""
         for number, info in self.infos.items():
             strip = self.strips.get(info.slot)
-            corrections = self._corrections_of(strip) if strip is not None else None
-            if strip is None or corrections is None:
+            told = self._corrections_of(strip) if strip is not None else None
+            if strip is None or told is None:
                 self.streams.pop(number, None)  # its bursts wait
                 continue
             name = _label(strip.points) + (
@@ -185,46 +190,46 @@ class Assembler:
             )
             if name in {s.name for n, s in self.streams.items() if n != number}:  # two strips for the same finger
                 name += f"_slot{info.slot}"
-            scales = {q: imu_calibration.reach(corrections, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
-            self._corrections[number] = corrections
+            calibrations = [correction_of(m) for m in told]
+            scales = {q: imu_calibration.reach(calibrations, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
             stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales)
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
+            before = self._readings.get(number)
+            if before is None or (before.stream, before.info, before.told) != (stream, info, told):
+                correction = imu_calibration.correction(calibrations, info.quantities) if calibrations else None
+                self._readings[number] = _Reading(self.streams[number], info, told, correction)
 
-    def _corrections_of(self, strip: Strip) -> tuple[ImuCalibration, ...] | None:
+    def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
         """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
         if not (strip.raw and self.correct):
             return ()
-        told = [self.calibrations.get((strip.slot, k)) for k in range(len(strip.points))]
-        known = tuple(correction_of(c) for c in told if c is not None)
-        if len(known) < len(told):
+        told = tuple(c for k in range(len(strip.points)) if (c := self.calibrations.get((strip.slot, k))) is not None)
+        if len(told) < len(strip.points):
             return None
-        return () if all(c.trivial for c in known) else known
+        return () if all(correction_of(c).trivial for c in told) else told
 
-    def _sampled(self, samples: Samples, arrival: float) -> Iterable[Block]:
-        stream, info = self.streams.get(samples.stream), self.infos.get(samples.stream)
-        if stream is None or info is None:
+    def _sampled(self, samples: Samples, arrival: float) -> "Iterable[_Burst]":
+        reading = self._readings.get(samples.stream) if samples.stream in self.streams and samples.stream in self.infos else None
+        if reading is None:
             if len(self._waiting) == WAITING:
                 self.undescribed += 1
             self._waiting.append((samples, arrival))
             return
-        try:
-            values = values_of(samples, info, len(stream.sensors))
-            if corrections := self._corrections.get(samples.stream):
-                values = imu_calibration.apply(corrections, stream.quantities, values)
-        except BadPayloadError:
+        if not fits(samples, reading.info, len(reading.stream.sensors)):
             self.undescribed += 1
             return
         self.host.update(samples.t_sent * NS, arrival)
-        newest = self._newest.get(stream.name, -np.inf)
-        t = self._times(samples, info, arrival)
-        if info.clock != 0 and samples.count and 0 <= newest - t[0] < SET_BACK:
+        name = reading.stream.name
+        newest = self._newest.get(name, -np.inf)
+        t = self._times(samples, reading.info, arrival)
+        if reading.info.clock != 0 and samples.count and 0 <= newest - t[0] < SET_BACK:
             t = np.maximum(t, newest + 1e-6 * np.arange(1, samples.count + 1))
-        fresh = t > newest  # a clock that jumped back must not make time run backwards
-        self._count(stream, samples, values[fresh])
-        if fresh.any():
-            self._newest[stream.name] = float(t[fresh][-1])
-            yield Block(stream, t[fresh], values[fresh])
+        stale = int(np.searchsorted(t, newest, side="right"))  # a clock that jumped back must not make time run backwards
+        self._count(name, samples, stale)
+        if stale < samples.count:
+            self._newest[name] = float(t[-1])
+        yield _Burst(reading, t, stale, samples)
 
     def _times(self, samples: Samples, info: StreamInfo, arrival: float) -> np.ndarray:
         own = samples.t_first
@@ -240,15 +245,45 @@ class Assembler:
         first = (own - self._zero) * NS if info.clock == 0 else base - self._zero * NS
         return first + np.arange(samples.count) / info.rate
 
-    def _count(self, stream: Stream, samples: Samples, values: np.ndarray) -> None:
-        count = self.counts.setdefault(stream.name, StreamCount())
+    def _count(self, name: str, samples: Samples, stale: int) -> None:
+        count = self.counts.setdefault(name, StreamCount())
         expected = self._next_index.get(samples.stream)
         lost = (samples.index - expected) % 2**32 if expected is not None else 0
-        count.lost += (lost if lost < 2**31 else 0) + samples.count - len(values)
-        count.samples += len(values)
-        for quantity, limit in stream.full_scale.items():
-            count.saturated += int((np.abs(values[..., stream.axes(quantity)]) >= 0.98 * limit).any(axis=-1).sum())
+        count.lost += (lost if lost < 2**31 else 0) + stale
+        count.samples += samples.count - stale
         self._next_index[samples.stream] = (samples.index + samples.count) % 2**32
+
+    def _block(self, bursts: "list[_Burst]") -> Block:
+        """The samples of consecutive bursts of one stream, in SI units and corrected."""
+        reading = bursts[0].reading
+        fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
+        values = values_of([b.samples for b in bursts], reading.info, len(reading.stream.sensors))[fresh]
+        if reading.correction is not None:
+            values = imu_calibration.corrected(reading.correction, values)
+        for quantity, limit in reading.stream.full_scale.items():
+            at_limit = np.abs(values[..., reading.stream.axes(quantity)]) >= 0.98 * limit
+            self.counts[reading.stream.name].saturated += int(at_limit.any(axis=-1).sum())
+        return Block(reading.stream, np.concatenate([b.t for b in bursts])[fresh], values)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """How the samples of a stream are read as long as neither strip nor stream is described anew."""
+
+    stream: Stream
+    info: StreamInfo
+    told: tuple[StripCalibration, ...]
+    correction: Correction | None
+
+
+@dataclass(frozen=True)
+class _Burst:
+    """Samples at their times; the first `stale` ones would run back in time."""
+
+    reading: _Reading
+    t: np.ndarray  # (count,) s of recording
+    stale: int
+    samples: Samples
 
 
 def correction_of(message: StripCalibration) -> ImuCalibration:

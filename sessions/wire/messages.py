@@ -4,7 +4,7 @@ Device to host: Identity, Strip, StreamInfo, Samples, Status, Reply, Pong, Strip
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -219,14 +219,17 @@ def decode(code: int, payload: bytes) -> Message:
         raise BadPayloadError(str(problem)) from None
 
 
-def values_of(samples: Samples, info: StreamInfo, sensors: int) -> Any:
-    """Sample values (count, sensors, 3 * quantities) in SI units, float64; NaN counts as missing."""
-    shape = (samples.count, sensors, 3 * len(info.quantities))
+def fits(samples: Samples, info: StreamInfo, sensors: int) -> bool:
+    """Whether a burst has the bytes that its stream's description says."""
+    return len(samples.data) == samples.count * sensors * 3 * len(info.quantities) * (2 if info.format is Format.INT16 else 4)
+
+
+def values_of(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
+    """Sample values (samples, sensors, 3 * quantities) of bursts that fit, in SI units, float64; NaN counts as missing."""
     kind = np.dtype("<i2" if info.format is Format.INT16 else "<f4")
-    if len(samples.data) != kind.itemsize * int(np.prod(shape)):
-        raise BadPayloadError(f"{len(samples.data)} bytes do not make {shape} samples")
+    data = b"".join(samples.data for samples in bursts)
     with np.errstate(invalid="ignore"):  # a signalling NaN is a missing sample like any other
-        raw = np.frombuffer(samples.data, kind).reshape(shape).astype(float)
+        raw = np.frombuffer(data, kind).reshape(-1, sensors, 3 * len(info.quantities)).astype(float)
     if info.format is Format.INT16:
         raw[raw == _MISSING_COUNT] = np.nan
         raw *= np.repeat(info.scale, 3)

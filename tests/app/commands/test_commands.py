@@ -1,8 +1,10 @@
 """The command line as a person uses it: what it writes, what it says, how it ends."""
 
+import argparse
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +72,33 @@ def test_what_is_processed_is_near_the_truth_that_lies_beside_it(simulated: Path
     assert len(tips) == 15
     error = found[:, [columns.index(c) for c in tips]] - truth[:, [names.index(c) for c in tips]]
     assert np.sqrt((error**2).mean()) < 0.006  # m, with sensors 5 deg off and biased
+
+
+def test_assess_refuses_a_place_that_cannot_be_written_before_it_writes_anything(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder.pdf").mkdir()
+    (tmp_path / "file").touch()
+    before = set(tmp_path.rglob("*"))
+    for out, report, sentence in (
+        ("out", "missing/r.pdf", "there is no folder"),
+        ("out", "folder.pdf", "is a folder"),
+        ("out", "file/r.pdf", "there is no folder"),
+        ("file", "r.pdf", "is a file; --out names a folder"),
+        ("file/out", "r.pdf", "cannot be made"),
+    ):
+        words = ["assess", str(simulated), "--out", str(tmp_path / out), "--report", str(tmp_path / report)]
+        assert sentence in refused(words, capsys)
+        assert set(tmp_path.rglob("*")) == before
+
+
+def test_assess_may_put_the_report_into_the_folder_that_it_makes(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["assess", str(simulated), "--out", str(out), "--report", str(out / "r.pdf")]) == 0
+    assert {p.name for p in out.iterdir()} == {"figures.json", "figures.csv", "r.pdf"}
+    assert "figures of 1 measure: " in capsys.readouterr().out
 
 
 def test_assess_counts_the_taps_that_were_simulated(simulated: Path, tmp_path: Path) -> None:
@@ -140,6 +169,22 @@ def test_help_of_process_documents_every_option_of_every_method(capsys: pytest.C
         for option in describe(method.Params):
             assert f"{option.name}=" in told
             assert option.source in told
+
+
+def test_the_demonstration_keeps_its_patient_away_from_those_of_the_clinic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("HANDSCOPE_DATA", raising=False)
+
+    def folder(verb: str, *words: str) -> Path:
+        parser = argparse.ArgumentParser()
+        import_module(f"app.commands.{verb}").add(parser)
+        return Path(parser.parse_args(words).data)
+
+    assert (folder("serve"), folder("demo")) == (tmp_path / "handscope-data", tmp_path / "handscope-demo")
+    assert folder("login") == folder("serve")
+    monkeypatch.setenv("HANDSCOPE_DATA", "elsewhere")
+    assert {folder(verb) for verb in ("serve", "demo", "login")} == {Path("elsewhere")}
+    assert folder("demo", "--data", "here") == Path("here")
 
 
 @pytest.mark.parametrize("verb", VERBS)
