@@ -7,7 +7,8 @@ from estimators.hand_anatomy import Hand
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block
 from sessions.wire.framing import Encoder
-from sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip, data_of
+from sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip
+from sessions.wire.sample_values import data_of
 from tests.simulated import STRIPS
 
 NS = 1e9

@@ -28,9 +28,8 @@ from sessions.wire.messages import (
     StreamInfo,
     Strip,
     StripCalibration,
-    fits,
-    values_of,
 )
+from sessions.wire.sample_values import fits, values_of
 
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS
 from sessions.wire import messages as wire
 from sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
+from sessions.wire.sample_values import data_of, fits, values_of
 
 BYTE, SHORT, LONG = st.integers(0, 2**8 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 REAL = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -120,8 +121,8 @@ def _info(kind: Format) -> wire.StreamInfo:
 
 
 def _sent(values: np.ndarray, info: wire.StreamInfo) -> np.ndarray:
-    data = wire.data_of(values, info)
-    return wire.values_of([wire.Samples(1, 0, 0, 0, len(values), data)], info, values.shape[1])
+    data = data_of(values, info)
+    return values_of([wire.Samples(1, 0, 0, 0, len(values), data)], info, values.shape[1])
 
 
 def test_counts_bring_values_back_to_half_a_count(rng: np.random.Generator) -> None:
@@ -152,14 +153,14 @@ def test_any_bits_make_values(data: bytes) -> None:
     """Signalling NaN among them."""
     for info in (_info(Format.FLOAT32), replace(_info(Format.INT16), quantities=(GYR, ACC), scale=(3e38, 1e-45))):
         count = 1 if info.format is Format.FLOAT32 else 2
-        assert wire.values_of([wire.Samples(1, 0, 0, 0, count, data)], info, 1).shape == (count, 1, 6)
+        assert values_of([wire.Samples(1, 0, 0, 0, count, data)], info, 1).shape == (count, 1, 6)
 
 
 def test_a_signalling_nan_is_a_missing_value() -> None:
     data = np.array([0x7F800001] * 6, "<u4").tobytes()
-    assert np.isnan(wire.values_of([wire.Samples(1, 0, 0, 0, 1, data)], _info(Format.FLOAT32), 1)).all()
+    assert np.isnan(values_of([wire.Samples(1, 0, 0, 0, 1, data)], _info(Format.FLOAT32), 1)).all()
 
 
 @pytest.mark.parametrize(("size", "fit"), [(23, False), (24, True), (36, False)])
 def test_bytes_that_are_no_whole_samples_do_not_fit(size: int, fit: bool) -> None:
-    assert wire.fits(wire.Samples(1, 0, 0, 0, 2, bytes(size)), replace(_info(Format.INT16), quantities=(GYR, ACC)), 1) == fit
+    assert fits(wire.Samples(1, 0, 0, 0, 2, bytes(size)), replace(_info(Format.INT16), quantities=(GYR, ACC)), 1) == fit

@@ -13,6 +13,7 @@ from app.devices.virtual_glove.wearer import Wearer
 from estimators.samples import GYR, MAG, Block, Stream
 from sessions.wire import messages as wire
 from sessions.wire.framing import LONGEST, Decoder, Encoder
+from sessions.wire.sample_values import data_of
 
 AHEAD = 0.25  # s of samples made in one go
 ANNOUNCE = 1.0  # s between repetitions of identity, strips and streams
@@ -195,7 +196,7 @@ class Firmware:
                 delay = least + float(self.rng.exponential(mean - least))
             index = self._indices.get(number, 0)
             self._indices[number] = index + last - first
-            data = wire.data_of(values[first:last], info)
+            data = data_of(values[first:last], info)
             own = (
                 self._clock_ns(float(block.t[first]))
                 if not info.clock

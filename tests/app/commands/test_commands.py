@@ -127,7 +127,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Pa
         (["process", "RECORDING", "--out", "x", "--option", "speed=3"], "there is no option 'speed'"),
         (["process", "RECORDING", "--out", "x", "--option", "tau_acc"], "not of the form key=value"),
         (["process", "RECORDING", "--out", "x", "--option", "tau_acc=fast"], "option tau_acc is 'fast'; it is a number in s"),
-        (["process", "RECORDING", "--out", "x", "--option", "tau_acc=nan"], "it is a finite number"),
+        (["process", "RECORDING", "--out", "x", "--option", "tau_acc=nan"], "it is between 0.01 and"),
         (["process", "RECORDING", "--out", "x", "--option", "rest_bias=perhaps"], "it is true or false"),
         (["process", "RECORDING", "--out", "x", "--hand", "left"], "recorded on the right hand, not on the left one"),
         (["process", "RECORDING", "--out", "RECORDING"], "is a file; --out names a folder"),

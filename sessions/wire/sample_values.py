@@ -1,0 +1,35 @@
+"""The values of sample bursts: bytes of a Samples message as its stream's description reads them, and back."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sessions.wire.messages import Format, Samples, StreamInfo
+
+MISSING_COUNT = -32768
+
+
+def fits(samples: Samples, info: StreamInfo, sensors: int) -> bool:
+    """Whether a burst has the bytes that its stream's description says."""
+    return len(samples.data) == samples.count * sensors * 3 * len(info.quantities) * (2 if info.format is Format.INT16 else 4)
+
+
+def values_of(bursts: Sequence[Samples], info: StreamInfo, sensors: int) -> Any:
+    """Sample values (samples, sensors, 3 * quantities) of bursts that fit, in SI units, float64; NaN counts as missing."""
+    kind = np.dtype("<i2" if info.format is Format.INT16 else "<f4")
+    data = b"".join(samples.data for samples in bursts)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a missing sample like any other
+        raw = np.frombuffer(data, kind).reshape(-1, sensors, 3 * len(info.quantities)).astype(float)
+    if info.format is Format.INT16:
+        raw[raw == MISSING_COUNT] = np.nan
+        raw *= np.repeat(info.scale, 3)
+    return raw
+
+
+def data_of(values: Any, info: StreamInfo) -> bytes:
+    """The inverse of `values_of`: SI values (count, sensors, axes) to the bytes of a Samples message, clipped to what the format holds."""
+    if info.format is Format.FLOAT32:
+        return np.asarray(values).astype("<f4").tobytes()
+    counts = np.rint(np.asarray(values) / np.repeat(info.scale, 3))
+    return np.where(np.isnan(counts), MISSING_COUNT, np.clip(counts, -32767, 32767)).astype("<i2").tobytes()
