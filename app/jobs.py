@@ -1,19 +1,26 @@
-"""Work that takes long runs in one process of its own, in order; the database is the queue, so a restart goes on where it was."""
+"""Work that takes long runs in one process of its own, in order; the database is the queue, so a restart goes on where it was.
+
+Whatever ends a computation, its result is settled: done, failed with a sentence, or queued again where somebody else ended it.
+"""
 
 import asyncio
 import contextlib
 import logging
-import multiprocessing
+import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.working_process import DiedError, WorkingProcess
+from estimators.errors import InputError
 from sessions import results
+from sessions.results import ENDED
 from sessions.store import Store
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
+CLOSE_WAIT = 10.0  # s that the running job gets to end when the server stops; then the next start takes it up
 
 
 class Jobs:
@@ -21,37 +28,54 @@ class Jobs:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._pool = self._new_pool()
+        self._process = WorkingProcess(_begin, store.folder, store.url)
+        self._queue = ThreadPoolExecutor(1, thread_name_prefix="jobs")  # its thread waits for the process
+        self._leaving = threading.Event()
 
     def __enter__(self) -> "Jobs":
-        self._submit(_warm)
+        self._process.__enter__()
+        self._queue.submit(self._process.do, _warm)
         with self._store.database() as db:
             for result_id in results.unfinished(db):
                 self.process(result_id)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        patience = threading.Timer(CLOSE_WAIT, self._process.kill)
+        self._leaving.set()
+        patience.start()
+        self._queue.shutdown(wait=True, cancel_futures=True)
+        patience.cancel()
+        self._process.__exit__()
 
     def process(self, result_id: int) -> "Future[None]":
         """Queue a result."""
-        return self._submit(_make, result_id)
+        return self._queue.submit(self._settle, result_id)
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
         """Do other work there (a report, an export) and wait for it."""
-        return await asyncio.wrap_future(self._submit(work, *arguments))
-
-    def _submit(self, work: Callable[..., T], *arguments: Any) -> "Future[T]":
         try:
-            return self._pool.submit(work, *arguments)
-        except RuntimeError:  # the process died (killed from outside): start another, the queue is in the database
-            log.exception("the process for long work is started again")
-            self._pool = self._new_pool()
-            return self._pool.submit(work, *arguments)
+            return await asyncio.wrap_future(self._queue.submit(self._process.do, work, *arguments))
+        except DiedError:
+            raise InputError(ENDED) from None
 
-    def _new_pool(self) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(self._store.folder, self._store.url))
+    def _settle(self, result_id: int) -> None:
+        """In the queue's thread: have the result made; one that nobody finished is not left behind as running."""
+        try:
+            self._process.do(_make, result_id)
+            return
+        except DiedError as end:
+            log.error("result %s: %s", result_id, end)
+            ended_by_others = end.told or self._leaving.is_set()
+        except Exception:
+            log.exception("result %s", result_id)
+            ended_by_others = False
+        with self._store.database() as db:
+            if not ended_by_others:
+                results.give_up(db, result_id)
+            elif results.put_back(db, result_id) and not self._leaving.is_set():
+                with contextlib.suppress(RuntimeError):  # leaving began this moment
+                    self.process(result_id)
 
 
 _store: Store | None = None  # of the working process; set once when it begins

@@ -22,7 +22,7 @@ from estimators.trajectory import Trajectory
 from sessions import derivative, records
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
-from sessions.results import get
+from sessions.results import begin, get
 from sessions.store import Store
 from sessions.tables import Result
 from sessions.trajectory_table import measured_segments
@@ -35,8 +35,7 @@ def make(store: Store, result_id: int) -> None:
     """Process the result's recording; a failure the user can mend is kept as the result's error."""
     with store.database() as db:
         result = get(db, result_id)
-        result.state, result.progress, result.error = "running", 0.0, ""
-        db.commit()
+        begin(db, result)
         try:
             recording, processed = computed(store, result, lambda share: _progress(db, result, share))
         except InputError as mistake:

@@ -12,6 +12,8 @@ from estimators.errors import InputError
 from sessions.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
+ATTEMPTS = 2  # how often a computation is begun before a server that died again and again gives it up
+ENDED = "the computation ended unexpectedly; try other options or report this recording"
 
 
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
@@ -28,7 +30,7 @@ def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[st
         result = Result(recording=file, key=key, method=method, parameters=dict(parameters), version=version)
         db.add(result)
     elif result.state == "failed":
-        result.state, result.error, result.progress = "queued", "", 0.0
+        result.state, result.error, result.progress, result.attempts = "queued", "", 0.0, 0
     db.commit()
     return result
 
@@ -41,6 +43,35 @@ def get(db: Session, result_id: int) -> Result:
     return result
 
 
+def begin(db: Session, result: Result) -> None:
+    """Its computation begins."""
+    result.state, result.progress, result.error = "running", 0.0, ""
+    result.attempts += 1
+    db.commit()
+
+
+def give_up(db: Session, result_id: int) -> None:
+    """Its computation ended without saying how: failed, unless it was erased or settled meanwhile."""
+    result = db.get(Result, result_id)
+    if result is not None and result.state in UNFINISHED:
+        result.state, result.error = "failed", ENDED
+        db.commit()
+
+
+def put_back(db: Session, result_id: int) -> bool:
+    """Its computation was ended by others: queued again, the attempt does not count; False where there is nothing to put back."""
+    result = db.get(Result, result_id)
+    if result is None or result.state != "running":
+        return result is not None and result.state == "queued"
+    result.state, result.progress, result.attempts = "queued", 0.0, result.attempts - 1
+    db.commit()
+    return True
+
+
 def unfinished(db: Session) -> list[int]:
-    """Results that were queued or running when the server stopped."""
-    return list(db.scalars(select(Result.id).where(Result.state.in_(UNFINISHED)).order_by(Result.id)))
+    """Results that were queued or running when the server stopped; one that was begun ATTEMPTS times is given up."""
+    left = list(db.scalars(select(Result).where(Result.state.in_(UNFINISHED)).order_by(Result.id)))
+    for result in left:
+        if result.state == "running" and result.attempts >= ATTEMPTS:
+            give_up(db, result.id)
+    return [result.id for result in left if result.state in UNFINISHED]

@@ -104,6 +104,7 @@ class Result(Base):
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
     state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed
+    attempts: Mapped[int] = mapped_column(default=0, server_default="0")  # how often its computation was begun
     progress: Mapped[float] = mapped_column(default=0.0)
     error: Mapped[str] = mapped_column(default="")
     figures: Mapped[list[Any]] = mapped_column(default=list)
