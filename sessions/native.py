@@ -150,6 +150,8 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
 def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
     if not contents.file.finished:
         yield f"the recording was not closed: it is whole up to its last flush, {contents.file.unread} bytes behind it could not be read"
+    if ended := contents.metadata.get("ended"):
+        yield str(ended)
     if contents.file.damaged:
         yield f"{contents.file.damaged} pieces of the recording are damaged and were left out"
     c = assembler.counters

@@ -4,7 +4,17 @@ import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.commands.words import add_method, add_recording, method_of, output_folder, progress_bar, say
+from app.commands.words import (
+    add_method,
+    add_recording,
+    counted,
+    method_of,
+    output_folder,
+    progress_bar,
+    require_file,
+    require_folder,
+    say,
+)
 from app.protocols import load_all
 from app.version import software_version
 from estimators.errors import InputError
@@ -28,6 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.report and arguments.report.suffix != ".pdf":
         raise InputError(f"--report {arguments.report} does not end in .pdf")
+    require_folder(arguments.out)
+    if arguments.report:
+        require_file(arguments.report, arguments.out)
     method, params = method_of(arguments)
     recording = formats.load(arguments.recording, arguments.hand)
     other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
@@ -39,10 +52,12 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = assess(processed.trajectory, recording.events)
     visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
-    save_folder({"figures.json": FORMS["json"](made), "figures.csv": FORMS["csv"](made)}, output_folder(arguments.out))
+    figures = {"figures.json": FORMS["json"](made), "figures.csv": FORMS["csv"](made)}
+    report = FORMS["pdf"](made) if arguments.report else b""
+    save_folder(figures, output_folder(arguments.out))
     if arguments.report:
-        save_file(FORMS["pdf"](made), arguments.report)
+        save_file(report, arguments.report)
     for warning in processed.warnings:
         say(f"warning: {warning}")
-    say(f"{sum(len(t.figures) for t in tasks)} figures of {len(tasks)} measures: {arguments.out}")
+    say(f"{counted(sum(len(t.figures) for t in tasks), 'figure')} of {counted(len(tasks), 'measure')}: {arguments.out}")
     return 0

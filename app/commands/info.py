@@ -2,6 +2,7 @@
 
 import argparse
 
+from app.commands.shortfalls import shortfalls
 from app.commands.words import add_recording, say
 from sessions import formats
 
@@ -24,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     for event in recording.events:
         details = " ".join(f"{k}={v}" for k, v in event.details.items())
         say(f"  {event.onset:9.3f} s  {event.duration:7.3f} s  {event.trial_type} {details}".rstrip())
-    for warning in recording.warnings:
-        say(f"warning: {warning}")
+    for sentence in shortfalls(recording):
+        say(f"warning: {sentence}")
     say(f"sha256 {recording.checksum}")
     return 0

@@ -3,9 +3,11 @@
 import argparse
 import json
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
-from app.commands.words import add_method, method_of, output_folder, progress_bar, say
+from app.commands.shortfalls import shortfalls
+from app.commands.words import add_method, method_of, output_folder, progress_bar, require_file, require_folder, say
 from app.devices.glove import Glove
 from app.live.tracking import Tracking
 from app.version import software_version
@@ -20,6 +22,8 @@ from sessions.writing import save_folder
 
 OPEN_WAIT = 5.0  # s for the port and the first samples
 SILENCE = 2.0  # s without a sample that end a recording
+SHORT = 0.2  # s by which a recording may be shorter than asked: samples still on their way
+UNPLUGGED = "the glove was unplugged"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +41,9 @@ def run(arguments: argparse.Namespace) -> int:
     geometry = _geometry(arguments.geometry)
     if arguments.out.suffix != ".mcap" or arguments.out.exists():
         raise InputError(f"--out {arguments.out} must be a new file that ends in .mcap")
-    live = output_folder(arguments.live) if arguments.live else None
+    require_file(arguments.out)
+    if arguments.live:
+        require_folder(arguments.live)
     rows: list[Trajectory] = []
     metadata = {
         "software": software_version(),
@@ -46,21 +52,34 @@ def run(arguments: argparse.Namespace) -> int:
         **({"hand": arguments.hand} if arguments.hand else {}),
     }
     tracking: Tracking | None = None
+    glove = Glove(arguments.port, arguments.out, metadata, lambda blocks: tracking.feed(blocks) if tracking else None)
 
-    with Glove(arguments.port, arguments.out, metadata, lambda blocks: tracking.feed(blocks) if tracking else None) as glove:
+    with ExitStack() as undoing, glove:
+        undoing.callback(arguments.out.unlink, missing_ok=True)
         hand = _connected(glove, arguments)
+        undoing.pop_all()  # the right glove gives samples: from here on what was recorded stays
         with Tracking(method, params, hand, sized(hand, measures_from(geometry)), rows.append) as tracking:
-            _follow(glove, tracking, arguments.seconds)
+            why = _follow(glove, tracking, arguments.seconds)
             tracking.drain()
+        if early := ending(max(0.0, tracking.newest_sample()), arguments.seconds, why):
+            glove.keep_metadata({"ended": early})
     recording = formats.load(arguments.out, arguments.hand)
     say(f"{recording.duration:.1f} s of {', '.join(s.name for s in recording.streams)}: {arguments.out}")
-    for warning in recording.warnings:
-        say(f"warning: {warning}")
-    if live is not None and tracking.calibration is not None:
+    for sentence in shortfalls(recording):
+        say(f"warning: {sentence}")
+    if arguments.live and tracking.calibration is not None:
         shown = Processed(trajectory.join(rows, hand), (tracking.calibration,), recording.warnings)
-        save_folder(derivative.tree(shown, recording, arguments.method, params, software_version()), live)
-        say(f"{len(shown.trajectory)} live samples: {live}")
-    return 0
+        files = derivative.tree(shown, recording, arguments.method, params, software_version())
+        save_folder(files, output_folder(arguments.live))
+        say(f"{len(shown.trajectory)} live samples: {arguments.live}")
+    return 1 if early and arguments.seconds else 0
+
+
+def ending(recorded: float, asked: float | None, why: str) -> str:
+    """How a recording of so many seconds ended, if that was early; empty where nothing is to be said."""
+    if asked is not None and recorded < asked - SHORT:
+        return f"{recorded:.1f} s of {asked:g} s: {why or 'the glove fell silent'} at {recorded:.1f} s"
+    return f"{recorded:.1f} s: {why} at {recorded:.1f} s" if why == UNPLUGGED and asked is None else ""
 
 
 def _geometry(path: Path | None) -> dict[str, object]:
@@ -79,16 +98,22 @@ def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-
         raise InputError(f"{arguments.port} did not answer")
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
-    if not glove.wait_for(lambda g: bool(g.assembler.streams) and g.assembler.identity is not None, OPEN_WAIT):
+    if not glove.wait_for(lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, OPEN_WAIT):
         raise InputError(f"{arguments.port} is open, but no glove speaks there; is it the right port?")
-    hand = arguments.hand or (glove.assembler.identity.hand if glove.assembler.identity else None)
+    said = glove.assembler.identity.hand if glove.assembler.identity else None
+    if said and arguments.hand not in (None, said):
+        raise InputError(f"this is a {said} glove, --hand says {arguments.hand}; connect the other glove or leave --hand out")
+    hand = said or arguments.hand
     if hand is None:
         raise InputError("the glove does not say which hand it is; give --hand left or --hand right")
     return hand
 
 
-def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> None:
-    """Until the time is over or the glove silent; initial poses that the glove marks are used as soon as they are complete."""
+def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> str:
+    """Until the time is over or the glove silent; initial poses that the glove marks are used as soon as they are complete.
+
+    Gives back what ended it before its time, empty where nothing did.
+    """
     began, newest, heard, used = time.monotonic(), -1.0, time.monotonic(), 0
     hear, close = progress_bar("recording")
     try:
@@ -100,13 +125,14 @@ def _follow(glove: Glove, tracking: Tracking, seconds: float | None) -> None:
             if tracking.newest_sample() > newest:
                 newest, heard = tracking.newest_sample(), time.monotonic()
             elif time.monotonic() - heard > SILENCE:
-                return
+                break
             poses = [m for m in glove.assembler.marks if m.trial_type == "initial_pose"]
             if len(poses) > used and newest > poses[used].end + 0.05:
                 tracking.mounting = glove.assembler.mounting
                 tracking.calibrate(initial_pose.pose_of(poses[used]))
                 used += 1
     except KeyboardInterrupt:
-        return
+        return "it was stopped"
     finally:
         close()
+    return "" if glove.state.state == "opened" else UNPLUGGED

@@ -1,6 +1,7 @@
 """Arguments that several verbs share, and what they print."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -54,12 +55,40 @@ def progress_bar(what: str) -> tuple[Callable[[float], None], Callable[[], None]
     return hear, bar.close
 
 
+def counted(n: int, what: str) -> str:
+    """A number of things in words: 1 figure, 2 figures."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
 def output_folder(path: Path) -> Path:
-    """A folder to write to; InputError where that cannot be."""
-    if path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; --out names a folder")
+    """A folder to write to, made where it is missing; InputError where that cannot be."""
+    require_folder(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(f"{path} cannot be made: {problem.strerror}") from None
     return path
+
+
+def require_folder(path: Path) -> None:
+    """InputError where no folder can be made or written to; makes nothing, so that a command can ask before it computes."""
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path} is a file; --out names a folder")
+    above = next(p for p in (path, *path.absolute().parents) if p.exists())
+    if not above.is_dir():
+        raise InputError(f"{path} cannot be made: {above} is a file")
+    if not os.access(above, os.W_OK):
+        raise InputError(f"{path} cannot be written to: no permission for {above}")
+
+
+def require_file(path: Path, made: Path | None = None) -> None:
+    """InputError where no file can be written; makes nothing. `made`: a folder that will be there by then."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; name a file in it")
+    folder = path.absolute().parent
+    if made is not None and folder == made.absolute():
+        return
+    if not folder.is_dir():
+        raise InputError(f"there is no folder {path.parent} for {path.name}; make it first or choose another place")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"{path} cannot be written: no permission for {path.parent}")
