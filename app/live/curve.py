@@ -9,17 +9,20 @@ from estimators.hand_anatomy import ANGLES, FINGERS, JOINT
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
-LENGTH = 20.0  # s kept
+LENGTH = 20.0  # s kept for viewers
+LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted
 SPACING = 1 / 60  # s between two points
 DEFAULT = "aperture"
 
 
 class Curve:
-    """Points (t in s, value in mm or deg) of the newest LENGTH seconds; written by the tracker, read by viewers."""
+    """Points (t in s, value in mm or deg) of the newest LENGTH seconds, and all of the newest attempt; written by the tracker, read by viewers."""
 
     def __init__(self) -> None:
         self.what = DEFAULT
         self._points: deque[tuple[float, float]] = deque()
+        self._attempt: list[tuple[float, float]] = []
+        self._onset, self._end = np.inf, np.inf  # of the attempt, recording time
         self._lock = threading.Lock()
 
     @property
@@ -35,7 +38,7 @@ class Curve:
         with self._lock:
             if what is not None and what != self.what:
                 self.what = what
-                self._points.clear()
+                self._clear()
 
     def add(self, rows: Trajectory) -> None:
         """Take new rows of the trajectory."""
@@ -44,8 +47,10 @@ class Curve:
             for t, value in zip(rows.t, values):
                 if np.isfinite(value) and (not self._points or t - self._points[-1][0] >= SPACING or t < self._points[-1][0]):
                     if self._points and t < self._points[-1][0]:
-                        self._points.clear()
+                        self._clear()
                     self._points.append((float(t), round(float(value), 2)))
+                    if self._onset < t <= min(self._end, self._onset + LONGEST):
+                        self._attempt.append(self._points[-1])
             while self._points and self._points[0][0] < rows.t[-1] - LENGTH:
                 self._points.popleft()
 
@@ -53,6 +58,22 @@ class Curve:
         """Points later than t."""
         with self._lock:
             return [p for p in self._points if p[0] > t]
+
+    def attempt(self, onset: float, end: float = np.inf) -> None:
+        """Keep the points of an attempt: from its onset on, whole, until another begins; its end is told when it is over."""
+        with self._lock:
+            kept = self._attempt if onset == self._onset else self._points
+            self._attempt = [p for p in kept if onset < p[0] <= end]
+            self._onset, self._end = onset, end
+
+    def attempted(self) -> list[tuple[float, float]]:
+        """Points of the attempt."""
+        with self._lock:
+            return list(self._attempt)
+
+    def _clear(self) -> None:
+        self._points.clear()
+        self._attempt.clear()
 
 
 def value_of(rows: Trajectory, what: str) -> Array:

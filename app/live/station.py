@@ -202,6 +202,8 @@ class Station:
         return ""
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
+        if (w := self._wizard).state in (State.TASK_RUN, State.TASK_REVIEW):
+            self.curve.attempt(w.onset, w.end if w.state is State.TASK_REVIEW else np.inf)
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)

@@ -161,7 +161,7 @@ def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]
     """Live numbers of the task that runs or was just done."""
     if w.state not in (State.TASK_RUN, State.TASK_REVIEW) or w.protocol is None:
         return []
-    points = station.curve.since(w.onset)
+    points = station.curve.attempted()
     if len(points) < 3:
         return []
     t, values = np.array(points).T

@@ -5,6 +5,7 @@ open a public tunnel, and the page it serves runs whatever script a crafted link
 interface only, asks every connection for a random word in place of the Origin no browser can send, serves no page and knows no tunnel.
 """
 
+import logging
 import secrets
 import threading
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from viser import _messages as wire
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+log = logging.getLogger(__name__)
 HOST = "127.0.0.1"
 _construction = (
     threading.Lock()
@@ -80,7 +82,17 @@ def _guarded_sockets(secret: str) -> Iterator[None]:
 
 
 def _serve(serve: Callable[..., Any], secret: str, *args: Any, **options: Any) -> Any:
-    return serve(*args, **{**options, "origins": [secret], "process_request": _no_pages})
+    logger = logging.getLogger("websockets.server.scene")
+    logger.addFilter(_refused)  # the same one again changes nothing
+    return serve(*args, **{**options, "origins": [secret], "process_request": _no_pages, "logger": logger})
+
+
+def _refused(record: logging.LogRecord) -> bool:
+    """A stranger who is turned away is no error: one line for who debugs instead of a traceback."""
+    if record.msg != "opening handshake failed":
+        return True
+    log.debug("refused: %s", record.exc_info[1] if record.exc_info else "")
+    return False
 
 
 def _no_pages(connection: ServerConnection, request: Request) -> Response | None:

@@ -14,9 +14,9 @@ from estimators.methods import m2
 from estimators.samples import Block
 from estimators.trajectory import Trajectory
 from tests.app.devices.virtual import wait_for
-from tests.simulated import in_strips, tracked
+from tests.simulated import INSTANT, in_strips, tracked
 
-PARAMS = m2.Params()
+PARAMS = INSTANT
 
 
 def pieces(samples: dict[str, Block], length: float = 0.02) -> list[list[Block]]:

@@ -1,5 +1,7 @@
 """The viser server lets nobody in but who knows its word, serves no page and opens no tunnel."""
 
+import logging
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -104,6 +106,23 @@ def test_a_viewer_cannot_open_a_public_tunnel(guarded: bool, monkeypatch: pytest
 def test_starting_and_stopping_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     with started(guarded=True):
         pass
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_refused_connection_leaves_one_short_line_for_who_debugs_and_nothing_else(
+    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    caplog.set_level(logging.DEBUG, "app.scene.guarded_server")
+    with started(guarded=True) as (server, _):
+        with pytest.raises(InvalidStatus):
+            connected(server.get_port(), "http://evil.example")
+        with socket.create_connection(("127.0.0.1", server.get_port())) as stranger:
+            stranger.sendall(b"\x16\x03\x01 no request\r\n\r\n")
+            stranger.recv(1000)
+        eventually(lambda: len(caplog.records) >= 2)
+    assert [(r.levelname, r.exc_info) for r in caplog.records] == [("DEBUG", None)] * 2
+    assert "http://evil.example" in caplog.records[0].getMessage()
+    assert not any("\n" in r.getMessage() for r in caplog.records)
     assert capfd.readouterr() == ("", "")
 
 
