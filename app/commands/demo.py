@@ -1,6 +1,7 @@
 """`handscope demo`: serve with virtual gloves and a demonstration patient; nothing but a browser is needed."""
 
 import argparse
+import signal
 import subprocess
 import sys
 import time
@@ -14,11 +15,12 @@ from sessions.store import open_store
 from sessions.tables import Patient
 
 GLOVES = ("left", "right")
+FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there
 WAIT = 10.0  # s for the virtual gloves to come up
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    serve.add(parser)
+    serve.add(parser, FOLDER)
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -36,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
     gloves = arguments.data / "gloves"
     gloves.mkdir(exist_ok=True)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # as Ctrl-C does: what is below is undone
     paths = [gloves / f"virtual-{hand}-glove" for hand in GLOVES]
     processes = [_glove(path, hand, seed) for seed, (path, hand) in enumerate(zip(paths, GLOVES))]
     try:

@@ -17,12 +17,13 @@ from app.settings import Settings
 from estimators.errors import InputError
 
 DEFAULT_PORT = 8420
+FOLDER = "handscope-data"  # in the user's home
 
 
-def add(parser: argparse.ArgumentParser) -> None:
+def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
     parser.add_argument("--host", default="127.0.0.1", metavar="H", help="address to listen on (loopback unless told otherwise)")
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="P", help=f"port ({DEFAULT_PORT}; 0 takes a free one)")
-    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="data folder (%(default)s)")
+    parser.add_argument("--data", type=Path, default=default_data(folder), metavar="DIR", help="data folder (%(default)s)")
     parser.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
     parser.add_argument("--name", action="append", default=[], metavar="HOST", help="another name under which browsers reach the server")
 
@@ -32,9 +33,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def default_data() -> Path:
+def default_data(folder: str = FOLDER) -> Path:
     """Where data is kept when nobody says: HANDSCOPE_DATA, or a folder in the user's home."""
-    return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / "handscope-data")
+    return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / folder)
 
 
 def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
