@@ -14,7 +14,7 @@ import numpy as np
 
 from estimators import trajectory
 from estimators.calibration import Calibration
-from estimators.samples import GYR, Block, Stream
+from estimators.samples import GYR, Block, Stream, join
 from estimators.trajectory import Trajectory
 
 PIECE = 1024  # samples at a time: what a step makes of them stays in the processor's cache
@@ -57,12 +57,20 @@ def _backwards(
 ) -> Iterator[Trajectory]:
     biases = {name: -bias for name, bias in calibration.gyr_bias.items()}
     turned = replace(calibration, gyr_bias=biases, t=-calibration.t, end=-calibration.t)
-    pieces = list(_forwards(method, params, turned, streams, (_reversed(b) for b in reversed(blocks))))
+    by_stream: dict[tuple[object, ...], list[Block]] = {}
+    for block in blocks:
+        by_stream.setdefault((block.stream.name, block.stream.sensors, block.stream.rate), []).append(block)
+    means = getattr(params, "gyr_reading", "instant") == "mean"
+    pieces = list(_forwards(method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]))
     for piece in reversed(pieces):
         yield replace(piece.reversed(), t=-piece.t[::-1])
 
 
-def _reversed(block: Block) -> Block:
+def _reversed(block: Block, means: bool) -> Block:
+    """Time runs the other way; where rates are `means` since the sample before, the turn back to a sample is told by the one behind it."""
     values = block.values[::-1].copy()
-    values[..., block.stream.axes(GYR)] *= -1
+    gyr = block.stream.axes(GYR)
+    if means:
+        values[1:, :, gyr] = values[:-1, :, gyr].copy()
+    values[..., gyr] *= -1
     return Block(block.stream, -block.t[::-1], values)

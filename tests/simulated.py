@@ -18,6 +18,7 @@ from estimators.trajectory import Trajectory
 from sessions.recording import LoadedRecording
 
 DEG = np.pi / 180
+INSTANT = m2.Params(gyr_reading="instant")  # as the simulated gyroscopes read
 STRIPS = {"hand": ("hand",), **{finger: CHAINS[finger] for finger in FINGERS}, "forearm": ("forearm",)}
 
 
@@ -52,7 +53,7 @@ def calibrated(recording: Simulated, params: m2.Params | None = None) -> Calibra
 
 def tracked(recording: Simulated, params: m2.Params | None = None, calibration: Calibration | None = None) -> Trajectory:
     """What m2 makes of the recording."""
-    params, calibration = params or m2.Params(), calibration or calibrated(recording)
+    params, calibration = params or INSTANT, calibration or calibrated(recording)
     return trajectory.join(list(run.run(m2, params, [calibration], recording)), recording.hand)
 
 

@@ -20,9 +20,21 @@ from estimators.simulation.scenario import Simulated, performed, simulate
 from estimators.simulation.sensors import IDEAL, SensorErrors
 from estimators.simulation.tasks import Performance
 from estimators.trajectory import Flag, Trajectory
-from tests.simulated import DEG, STRIPS, assert_same, calibrated, cut, in_strips, interleaved, pose_and_wiggle, tracked, with_samples
+from tests.simulated import (
+    DEG,
+    INSTANT,
+    STRIPS,
+    assert_same,
+    calibrated,
+    cut,
+    in_strips,
+    interleaved,
+    pose_and_wiggle,
+    tracked,
+    with_samples,
+)
 
-PARAMS = m2.Params()
+PARAMS = INSTANT
 EXACT = 0.1 * DEG  # without noise; what is left comes from the accelerometers' correction while the hand moves
 
 
@@ -228,14 +240,14 @@ def test_a_strip_described_anew_while_running_goes_on(factor: int) -> None:
 
 def test_the_forearm_and_the_hand_point_as_their_sensors_say() -> None:
     recording = pose_and_wiggle("left", SensorErrors())
-    free, kept = tracked(recording, m2.Params(constraints=False)), tracked(recording)
+    free, kept = tracked(recording, replace(INSTANT, constraints=False)), tracked(recording)
     for segment in ("forearm", "hand"):
         np.testing.assert_array_equal(kept.q_GS[:, SEGMENT[segment]], free.q_GS[:, SEGMENT[segment]])
     assert not np.array_equal(kept.q_GS[:, SEGMENT["index_middle"]], free.q_GS[:, SEGMENT["index_middle"]])
 
 
 def test_without_constraints_all_angles_come_from_the_sensors(simulated: Simulated) -> None:
-    free, kept = tracked(simulated, m2.Params(constraints=False)), tracked(simulated)
+    free, kept = tracked(simulated, replace(INSTANT, constraints=False)), tracked(simulated)
     np.testing.assert_allclose(free.angles, kept.angles, atol=0.5 * DEG)
     np.testing.assert_allclose(joint_angles.of_segments(kept.q_GS)[..., 0][:, 1:], kept.angles[..., 0][:, 1:], atol=1e-9)
     off = joint_angles.of_segments(free.q_GS)[:, JOINT["index_pip"], 1]

@@ -10,9 +10,9 @@ from estimators.methods import m2
 from estimators.processing import process
 from estimators.samples import Block, Event
 from estimators.simulation.scenario import Simulated
-from tests.simulated import DEG, assert_same, pose_and_wiggle, tracked, with_samples
+from tests.simulated import DEG, INSTANT, assert_same, pose_and_wiggle, tracked, with_samples
 
-PARAMS = m2.Params()
+PARAMS = INSTANT
 TOO_SHORT = Event(2.0, 1.0, "initial_pose")
 
 

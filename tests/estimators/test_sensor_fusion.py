@@ -15,7 +15,7 @@ from estimators.trajectory import Flag
 from tests.simulated import DEG, cut
 
 RATE, N = 100.0, 300
-PARAMS = FusionParams()
+PARAMS = FusionParams(gyr_reading="instant")
 STREAM = Stream("imu", ("hand", "index_proximal", "index_middle"), (GYR, ACC), RATE, "imu", {GYR: 5.0, ACC: 100.0})
 LEVEL = dict.fromkeys(STREAM.sensors, quat.IDENTITY)
 GAPS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, N - 1), st.integers(1, 40)), max_size=6)
@@ -115,7 +115,7 @@ def test_after_a_long_gap_what_was_learnt_of_the_bias_is_kept() -> None:
     values = np.zeros((n, 3, 6))
     values[..., 2], values[..., 5] = bias, 9.81
     values[700:800] = np.nan
-    found = _oriented([Block(STREAM, np.arange(n) / RATE, values)])
+    found = _oriented([Block(STREAM, np.arange(n) / RATE, values)], replace(PARAMS, rest_turn=0.03))
     drifted = quat.twist(found.q_GS[:, 0], 2)
     assert drifted[690] > 1.0 * DEG  # before rest was detected
     assert abs(drifted[-1] - drifted[690]) < 0.2 * DEG
