@@ -18,9 +18,11 @@ VERBS = {
     "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",
     "process": "run a method over a recording",
     "assess": "measures of a recording as JSON and CSV, and a report",
+    "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
     "info": "say what a recording holds and what was cut",
     "export": "write any recording as Motion-BIDS",
     "bench": "speed and memory of the hot paths",
+    "reproduce": "the figures that the papers report, measured again on simulated and real recordings",
 }
 
 
@@ -41,7 +43,7 @@ def main(words: Sequence[str] | None = None) -> int:
     for verb, meaning in VERBS.items():
         sub = verbs.add_parser(verb, help=meaning, description=meaning, formatter_class=argparse.RawDescriptionHelpFormatter)
         if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
-            module = import_module(f"app.commands.{verb}")
+            module = import_module(f"app.commands.{verb.replace('-', '_')}")
             module.add(sub)
             sub.set_defaults(run=module.run)
     arguments = parser.parse_args(given)

@@ -1,0 +1,54 @@
+"""The figures that the papers report, measured again: `handscope reproduce`. A new reproduction is a file here and a line in the table.
+
+A reproduction is a module: `trials(wanted)` lists what is to be run (small values that travel to another process), `measure(trial)` runs one,
+`finding(wanted, results)` makes of all of them what is printed, drawn and written.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol
+
+from app.reproduce.finding import Finding
+
+REPRODUCTIONS = {
+    "table6": "fingertip against the truth, one finger moving, homogeneous field (Salchow-Hoemmen 2019, Table 6)",
+    "table7": "known distance between fingertips, whole hand moving near steel (Salchow-Hoemmen 2019, Table 7)",
+    "mechanical-finger": "one joint after the other to 90 deg and back (Valtin 2017, Fig. 4)",
+    "budget": "what each source of error costs: switched off in turn, and alone",
+    "drift": "10 and 60 minutes without magnetometers",
+    "broad": "the fusion on real trials (Laidig et al. 2021)",
+}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What was asked for."""
+
+    seeds: int = 20
+    experiments: tuple[str, ...] = ()  # of table6 and table7 only these; empty: all
+    broad_data: Path = Path("data/broad")
+    minutes: int = 60  # of drift
+
+
+class Reproduction(Protocol):
+    """What the modules have in common."""
+
+    def trials(self, wanted: Wanted) -> Sequence[Any]: ...
+
+    def measure(self, trial: Any) -> Any: ...
+
+    def finding(self, wanted: Wanted, results: Sequence[tuple[Any, Any]]) -> Finding: ...
+
+
+def reproduction(name: str) -> Reproduction:
+    """The module of that name; imported when it is asked for."""
+    found: Reproduction = import_module(f"app.reproduce.{name.replace('-', '_')}")  # type: ignore[assignment]
+    return found
+
+
+def default_broad_data() -> Path:
+    """Where the BROAD trials are looked for when nobody says: HANDSCOPE_BROAD, or a folder beside."""
+    return Path(os.environ.get("HANDSCOPE_BROAD") or "data/broad")

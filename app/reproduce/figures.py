@@ -1,0 +1,91 @@
+"""The figures of the reproductions as SVG: bars of an error budget, lines over time. White ground, text stays text."""
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from app.report.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
+from estimators.quaternions import Array
+
+WIDTH, PANEL, ROW = 7.2, 2.4, 0.28  # inches: a figure, a panel of lines, a row of bars
+READ_ON_A_PAGE = {"font.family": "sans-serif", "font.size": 9.0, "axes.linewidth": 0.6}
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One row: in every panel the value alone, and what is left without it."""
+
+    name: str
+    values: Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve, with a band around it where there is one."""
+
+    name: str
+    x: Array
+    y: Array
+    low: Array | None = None
+    high: Array | None = None
+
+
+def bars(rows: Sequence[Bar], everything: Sequence[float], titles: Sequence[str]) -> str:
+    """A panel a title: filled bars are each row alone, the open mark is everything but it, the line is everything."""
+    with _drawing():
+        figure = Figure(figsize=(WIDTH, 1.1 + ROW * len(rows)), layout="constrained", facecolor="white")
+        panels = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
+        y = np.arange(len(rows))
+        for k, (ax, title) in enumerate(zip(panels, titles)):
+            ax.barh(y, [row.values[k][0] for row in rows], 0.5, color=FILL["good"][0], label="alone")
+            ax.plot([row.values[k][1] for row in rows], y, ls="", marker="o", ms=5, mfc="white", mec=INK, label="all others, this one off")
+            ax.axvline(everything[k], color=INK, lw=0.8, ls=(0, (4, 2)), label="all")
+            ax.set(yticks=y, yticklabels=[row.name for row in rows], ylim=(len(rows) - 0.4, -0.6), xlim=(0, None), title=title)
+            _plain(ax)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+        return _svg(figure)
+
+
+def lines(panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple[float, float | None]) -> str:
+    """A panel of curves a title, one below the other; a band where a line has one."""
+    with _drawing():
+        figure = Figure(figsize=(WIDTH, 0.4 + PANEL * len(panels)), layout="constrained", facecolor="white")
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, curves, title in zip(axes, panels, titles):
+            for curve, (dashes, colour) in zip(curves, LINES):
+                ax.plot(curve.x, curve.y, ls=dashes, lw=1.2, color=colour, label=curve.name)
+                if curve.low is not None and curve.high is not None:
+                    ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, lw=0)
+            low, high = limits
+            ax.set(title=title, xlim=(0, curves[0].x[-1] + curves[0].x[0]))
+            ax.set_ylim(bottom=low - 0.06 * (high or 0.0), top=None if high is None else 1.1 * high)
+            _plain(ax)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels[0]), frameon=False)
+        return _svg(figure)
+
+
+@contextmanager
+def _drawing() -> Iterator[None]:
+    with matplotlib.rc_context({**SETTINGS, **READ_ON_A_PAGE}):
+        yield
+
+
+def _plain(ax: Axes) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(axis="x", color=HAIR, lw=0.4)
+    ax.set_axisbelow(True)
+    ax.tick_params(colors=GREY, labelcolor=INK)
+    ax.title.set(fontsize=9.0, color=ACCENT)
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
+    return buffer.getvalue().decode()
