@@ -2,22 +2,23 @@
 
 import argparse
 import select
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say
+from app.commands.words import say, seed
 from app.devices.virtual_glove import terminal
 from app.devices.virtual_glove.faults import FaultParams, Faults
 from app.devices.virtual_glove.firmware import Build, Firmware
 from app.devices.virtual_glove.flash import Flash, delivered
 from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
 from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, HANDS
+from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import sized
 from estimators.simulation import tasks
 from estimators.simulation.sensors import SensorErrors
@@ -29,7 +30,7 @@ ALL_STRIPS = (*FINGERS, "forearm")
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pty", type=Path, required=True, metavar="PATH", help="where the port appears: a link to a pseudo-terminal")
-    parser.add_argument("--hand", choices=HANDS, default="left")
+    parser.add_argument("--hand", choices=HANDS, help="left, or the recording's")
     parser.add_argument(
         "--strips",
         default="all",
@@ -40,7 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"
     )
     parser.add_argument("--format", choices=("int16", "float32"), default=None, help="how samples travel (int16; float32 for --replay)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=seed, default=0)
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--task", metavar="T", help=f"what the built-in patient does over and over: {', '.join(tasks.TASKS)}; without it, what it is told"
@@ -61,6 +62,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that the link is taken away
+    terminal.require_free(arguments.pty)
     rng = np.random.default_rng(arguments.seed)
     wearer = _wearer(arguments, rng)
     kind = arguments.format or ("float32" if arguments.replay else "int16")
@@ -68,11 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
         device_id=0x5C09E0 + arguments.seed, drift=arguments.drift * 1e-6, format=Format.INT16 if kind == "int16" else Format.FLOAT32
     )
     flash = Flash() if arguments.replay else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
-    script = terminal.Script(_actions(arguments))
+    script = terminal.Script(_actions(arguments, [s.name for s in wearer.streams]))
     faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
-    say(
-        f"{arguments.hand if not arguments.replay else wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}"
-    )
+    say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}")
     if sys.stdin is not None and sys.stdin.isatty():
         say("type: pull STRIP, plug STRIP, unplug SECONDS, task NAME")
     powered = [0]
@@ -89,7 +90,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.replay:
-        return Playback(formats.load(arguments.replay))
+        return Playback(formats.load(arguments.replay, arguments.hand))
+    hand: Hand = arguments.hand or "left"
     strips = ALL_STRIPS if arguments.strips == "all" else () if arguments.strips == "none" else tuple(arguments.strips.split(","))
     common, single = _rates(arguments.rate)
     streams = tuple(replace(s, rate=single.get(s.name, common)) for s in layout(strips, common))
@@ -99,7 +101,7 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     errors = SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
     limit = float(np.radians(errors.gyr_range))
     streams = tuple(replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in streams)
-    person = SimulatedPerson(arguments.hand, sized(arguments.hand), streams, rng, errors)
+    person = SimulatedPerson(hand, sized(hand), streams, rng, errors)
     if arguments.task is not None:
         if arguments.task not in tasks.TASKS:
             raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(tasks.TASKS)}")
@@ -124,13 +126,15 @@ def _rates(words: list[str]) -> tuple[float, dict[str, float]]:
     return common, single
 
 
-def _actions(arguments: argparse.Namespace) -> list[terminal.Action]:
+def _actions(arguments: argparse.Namespace, strips: Sequence[str]) -> list[terminal.Action]:
     actions = []
     for verb in ("pull", "plug"):
         for word in getattr(arguments, verb):
             name, at, t = word.partition("@")
             if not at:
                 raise InputError(f"--{verb} {word!r} is not of the form STRIP@SECONDS")
+            if name not in strips:
+                raise InputError(f"--{verb} names the strip {name!r}; this glove has {', '.join(strips)}")
             actions.append(terminal.Action(_seconds(t, f"--{verb}"), verb, name))
     for word in arguments.unplug:
         t, _, length = word.partition(":")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say
+from app.commands.words import say, seed
 from app.qualisys import read_markers
 from app.version import software_version
 from estimators.errors import InputError
@@ -32,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("task", help=f"{TASKS_TOLD}; an initial pose comes before it")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.zip")
     parser.add_argument("--hand", choices=HANDS, default="left")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument("--rate", type=float, default=100.0, metavar="HZ")
     parser.add_argument(
         "--setting",

@@ -35,6 +35,13 @@ def add_method(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "methods and their options:\n" + "\n".join(f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in METHODS.items())
 
 
+def seed(word: str) -> int:
+    """A seed: a whole number from 0 on."""
+    if not word.isdecimal():
+        raise argparse.ArgumentTypeError(f"{word} is no whole number from 0 on")
+    return int(word)
+
+
 def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
     """The method named and its parameters."""
     if arguments.method not in METHODS:

@@ -39,6 +39,12 @@ class Script:
         return sorted(ready, key=lambda a: a.at)
 
 
+def require_free(path: Path) -> None:
+    """InputError where something else than an old link is there already."""
+    if path.exists() and not path.is_symlink():
+        raise InputError(f"{path} exists already; choose another --pty")
+
+
 def serve(
     path: Path,
     power_up: Callable[[], Firmware],
@@ -48,8 +54,7 @@ def serve(
     stop: Callable[[], bool] = lambda: False,
 ) -> None:
     """Run until stopped: `path` becomes a link to the pseudo-terminal while the cable is plugged in; `power_up` makes the glove anew."""
-    if path.exists() and not path.is_symlink():
-        raise InputError(f"{path} exists already; choose another --pty")
+    require_free(path)
     began = time.monotonic()
     while not stop():
         with _plugged(path) as master:
