@@ -20,8 +20,10 @@ check: $(VENV)/develops
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# The journeys have both cores to themselves: the browser draws without a graphics card
 tests: $(VENV)/develops browser
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --ignore tests/journeys
+	$(BIN)/pytest tests/journeys
 
 # A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
 browser: $(VENV)/develops

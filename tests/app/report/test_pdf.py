@@ -62,7 +62,7 @@ def test_the_numbers_are_those_that_were_measured() -> None:
     assert f"Rate {tapping.rate:.2f} per s" in text
     assert f"Amplitude, mean {1e3 * tapping.amplitudes.mean():.1f} mm" in text
     assert re.search(r"Ring MCP 80° 1\d° hyperextension 1\d° abd\., \d° add\. good", text)
-    assert re.search(r"Wrist 50° 45° extension 15° radial, 25° ulnar good", text)
+    assert re.search(r"Wrist 50° 45° extension 16° radial, 24° ulnar good", text)
 
 
 def test_no_angle_is_printed_with_a_bare_sign() -> None:
