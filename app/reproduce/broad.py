@@ -147,7 +147,7 @@ def _setting() -> tuple[str, ...]:
     return (
         "Ten trials of BROAD (Laidig, Caruso, Cereatti & Seel 2021, Data 6(7):72, doi:10.3390/data6070072; CC BY 4.0): one inertial sensor "
         "(myon aktos-t, 286 Hz) on a rigid board, optical truth. Nothing is simulated and nothing fitted.",
-        "`estimators/sensor_fusion.py` as the methods use it: 6D is `m2`'s, 9D that of `b` and `m1` (default options), beside them single "
+        "`estimators/sensor_fusion.py` as the methods use it: 6D is `m2`'s, 9D that of `m1` (default options), beside them single "
         "options changed. The error is q_GS conj(q_opt), scored where the data set says that the board moves and the cameras see it; heading is "
         "its turn about the vertical, inclination the rest. 6D has no heading.",
         "Beside it: the package vqf alone with its own defaults (Laidig & Seel 2023), run here; Madgwick's and Mahony's filters with the parameters "

@@ -30,3 +30,9 @@ class Params(salchow.Params):
         "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
         "Salchow-Hoemmen 2019, 2.4.3: only M1 and M2",
     )
+    mag_rejection: bool = option(
+        False,
+        "",
+        "leave the magnetometer out while its field differs in strength or dip from the one learnt",
+        "the paper's filter has none; without a pose to start from it costs accuracy in an undisturbed field",
+    )
