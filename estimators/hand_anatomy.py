@@ -46,11 +46,11 @@ class Joint:
 
 _WRIST = "AAOS 80/70 flexion, 20/30 deviation (Norkin App. A) with 20 deg tolerance"
 _MCP = "eatonhand 90 flexion, 0-45 hyperextension; spread 32 ring-little (Chatzioglou 2024) with 20 deg tolerance"
-_CMC = "palmar and radial abduction 53-71 deg (Barakat 2013) with 30 deg tolerance, opposition about the long axis to 90"
+_CMC = "ours: wide around palmar and radial abduction of 53-71 deg (Barakat 2013) and opposition about the long axis to 90"
 _PAPER = "Salchow-Hoemmen 2019, 2.4.3"
 
 JOINTS: tuple[Joint, ...] = (
-    Joint("wrist", "forearm", "hand", {FLEXION: (-90, 100), DEVIATION: (-40, 60)}, _WRIST),
+    Joint("wrist", "forearm", "hand", {FLEXION: (-90, 100), DEVIATION: (-40, 50)}, _WRIST),
     Joint("thumb_cmc", "hand", "thumb_metacarpal", {FLEXION: (-90, 90), DEVIATION: (-100, 60), PRONATION: (-120, 120)}, _CMC),
     Joint(
         "thumb_mcp",

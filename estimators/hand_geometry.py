@@ -5,7 +5,7 @@ Out     functional segment lengths, MCP and thumb CMC centres in the hand's fram
 Source  phalanx ratios and tip tissue: Salchow-Hoemmen 2019, Tables 2 and 3; joint centres and finger lengths as fractions of hand length and
         breadth: Buchholz, Armstrong & Goldstein 1992, Ergonomics 35:261; thumb angle 58 deg: Salchow-Hoemmen 2019, Fig. 3;
         average adult hand 0.187 m x 0.085 m: mean of men and women, ANSUR (Gordon et al. 1989)
-Limits  the palm is flat and rigid; a derived length is as good as the ratio (95 % CI 1.3-2.2 %) and the measure it came from
+Limits  the palm is flat and rigid; a derived length is as good as the ratio (95 % CI of its mean: RATIO_CI95, in units of the ratio) and the measure it came from
 """
 
 from collections.abc import Mapping

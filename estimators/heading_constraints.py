@@ -91,7 +91,9 @@ def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: A
     """One Kalman step of every joint at orientations q_GB (segments, 4)."""
     seconds = t - state.t if np.isfinite(state.t) else 0.0
     more = np.maximum(doubt - state.doubt, 0.0)
-    predicted = state.variance + (params.heading_walk * DEG) ** 2 * seconds + more[PARENTS] + more[CHILDREN]
+    walked = state.variance + (params.heading_walk * DEG) ** 2 * seconds
+    slow = np.minimum(walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2))  # only a gap loses a heading
+    predicted = slow + more[PARENTS] + more[CHILDREN]
     doubt, play = np.maximum(doubt, state.doubt), (params.joint_play * DEG) ** 2
     if (predicted <= play).all():  # the joints know no better
         return State(state.delta, predicted, doubt, t)

@@ -154,16 +154,23 @@ def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block
     slack = longest - params.pose_duration
     if slack < 0.25:
         return window
-    starts = pose.onset + np.arange(0.0, slack, 0.1)
-    spread = [sum(_spread(b.between(s, s + params.pose_duration)) for b in window) for s in starts]
-    best = float(starts[int(np.argmin(spread))])
+    starts = min(b.t[0] for b in window if len(b.t)) + np.arange(0.0, slack, 0.1)
+    best = float(min(starts, key=lambda s: _restless([b.between(s, s + params.pose_duration) for b in window], params.pose_duration)))
     return [b.between(best, best + params.pose_duration) for b in window]
 
 
-def _spread(block: Block) -> float:
-    gyr, whole = block.of(GYR), complete(block)
-    sensors = [gyr[whole[:, k], k] for k in range(len(block.stream.sensors))]
-    return sum(float(gyr.var(axis=0).sum()) for gyr in sensors if len(gyr))
+def _restless(blocks: list[Block], duration: float) -> tuple[int, float]:
+    """How many sensors lack more than a tenth of their samples in a stretch, and how much the gyroscopes of the others vary: the least is the best."""
+    lacking, spread = 0, 0.0
+    for block in blocks:
+        gyr, whole = block.of(GYR), complete(block)
+        for k in range(len(block.stream.sensors)):
+            samples = gyr[whole[:, k], k]
+            if len(samples) < 0.9 * duration * block.stream.rate:
+                lacking += 1
+            else:
+                spread += float(samples.var(axis=0).sum())
+    return lacking, spread
 
 
 def _quality(still: _Still) -> SensorQuality:

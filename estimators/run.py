@@ -32,8 +32,8 @@ class Samples(Protocol):
 def run(method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples) -> Iterator[Trajectory]:
     """Pieces of the trajectory in order of time; every calibration (in order of time) serves until the next one."""
     first = calibrations[0]
-    before = [b.between(-np.inf, first.end) for b in samples.blocks() if b.stream.inertial and len(b.t) and b.t[0] < first.end]
-    if any(b.t[0] < first.t for b in before):
+    before = [b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end]
+    if any(b.t[0] < first.t for b in before if b.stream.inertial):
         yield trajectory.join(list(_backwards(method, params, first, samples.streams, before)), first.hand).between(-np.inf, first.t)
     ends = [c.t for c in calibrations[1:]] + [np.inf]
     for calibration, end in zip(calibrations, ends):
@@ -69,8 +69,9 @@ def _backwards(
 def _reversed(block: Block, means: bool) -> Block:
     """Time runs the other way; where rates are `means` since the sample before, the turn back to a sample is told by the one behind it."""
     values = block.values[::-1].copy()
-    gyr = block.stream.axes(GYR)
-    if means:
-        values[1:, :, gyr] = values[:-1, :, gyr].copy()
-    values[..., gyr] *= -1
+    if GYR in block.stream.quantities:
+        gyr = block.stream.axes(GYR)
+        if means:
+            values[1:, :, gyr] = values[:-1, :, gyr].copy()
+        values[..., gyr] *= -1
     return Block(block.stream, -block.t[::-1], values)

@@ -239,8 +239,9 @@ def _fuse(
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
             sensor = replace(sensor, doubt=float(doubt[last - 1]))
             sensor, q_GS[first:last] = _filter(params, sensor, block, filled, first, last)
-            northed = filled.shape[1] > 6 and bool(np.isfinite(filled[:, 6:]).all(axis=1).any())
-            sensor = replace(sensor, lost=sensor.lost and not northed, northed=sensor.northed or northed)
+            fresh = np.logical_or.accumulate(np.isfinite(filled[:, 6:]).all(axis=1) & _has_north(sensor, filled))
+            flags[first:last] = _headless(sensor, fresh)
+            sensor = replace(sensor, lost=bool(sensor.lost and not fresh[-1]), northed=bool(sensor.northed or fresh[-1]))
         else:
             begins = not sensor.absent and sensor.q_GS is not None
             sensor = replace(
@@ -248,11 +249,21 @@ def _fuse(
             )
             doubt[first:last] = sensor.doubt
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
-        if sensor.lost:
-            flags[first:last] |= np.uint8(Flag.HEADING_LOST)
-        if sensor.start is None and not sensor.northed:
-            flags[first:last] |= np.uint8(Flag.UNCALIBRATED)
+            flags[first:last] = _headless(sensor, np.zeros(last - first, bool))
     return sensor, q_GS, flags, doubt
+
+
+def _has_north(sensor: SensorState, samples: Array) -> bool:
+    """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no relation to the pose's heading."""
+    return samples.shape[1] > 6 and (sensor.start is None or sensor.north is not None)
+
+
+def _headless(sensor: SensorState, fresh: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Flags (n,) of a heading that is lost or was never known, up to the row from which a magnetometer gives it (`fresh`)."""
+    lost = np.uint8(Flag.HEADING_LOST if sensor.lost else 0) | np.uint8(
+        Flag.UNCALIBRATED if sensor.start is None and not sensor.northed else 0
+    )
+    return np.where(fresh, np.uint8(0), lost)
 
 
 def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
@@ -302,7 +313,7 @@ def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Ar
     vqf.state = dict(_filter_start(vqf.state, sensor, samples[0]))
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
-    q_GS = vqf.updateBatch(gyr, acc)["quat6D"] if samples.shape[1] == 6 else _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+    q_GS = vqf.updateBatch(gyr, acc)["quat6D"] if not _has_north(sensor, samples) else _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
     before, before_t = (samples[-2, :6].copy(), float(block.t[last - 2])) if last - first > 1 else (sensor.last, sensor.last_t)
     after = replace(
         sensor,

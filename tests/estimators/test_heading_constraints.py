@@ -99,3 +99,12 @@ def test_the_forearm_turns_for_the_wrist_and_every_segment_for_the_joints_before
     found = {s: sums[SEGMENT[s]] for s in ("forearm", "hand", "index_proximal", "index_middle", "index_distal", "ring_distal")}
     assert found == {"forearm": -1.0, "hand": 0.0, "index_proximal": 10.0, "index_middle": 10.0, "index_distal": 110.0, "ring_distal": 0.0}
     assert len(PARENTS) == len(JOINTS)
+
+
+def test_time_alone_loses_no_heading() -> None:
+    t = np.arange(0.0, 4000.0, 1.0)
+    _, q_GB = _moving()
+    still = np.repeat(q_GB[:1], len(t), axis=0)
+    still[:, SEGMENT["little_middle"]] = np.nan
+    _, lost = _stepped(t, still, [])
+    assert not lost.any()

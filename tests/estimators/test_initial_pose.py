@@ -10,10 +10,12 @@ from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENTS
+from estimators.hand_geometry import sized
 from estimators.initial_pose import Pose
 from estimators.methods import m2
 from estimators.samples import GYR, MAG, Block, Event, Stream
-from estimators.simulation.scenario import Simulated
+from estimators.simulation import tasks
+from estimators.simulation.scenario import Simulated, performed
 from estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG, calibrated, pose_and_wiggle, tracked, with_samples
 
@@ -211,3 +213,29 @@ def test_the_inclination_in_which_the_sensors_agree_lessens_the_effect_of_a_hand
         moved = tracked(recording, params, calibrated(recording, params))
         error[alignment] = float(np.sqrt(np.nanmean((moved.angles - recording.truth.angles) ** 2)))
     assert error["common"] < 0.8 * error["full"] < 0.8 * error["heading"]
+
+
+def test_of_a_long_pose_a_stretch_is_taken_in_which_every_sensor_was_there() -> None:
+    recording = _long_pose()
+    index = [recording.samples["imu"].stream.sensors.index(s) for s in ("index_proximal", "index_middle", "index_distal")]
+
+    def without_index(t: np.ndarray, values: np.ndarray) -> None:
+        values[np.ix_((t > 3.0) & (t < 5.5), index)] = np.nan
+
+    found = _calibrate(_changed(recording, "imu", without_index), Pose(1.5, 9.0, STILL.thumb_cmc))
+    assert found.t >= 5.5 - 0.3  # a tenth of the samples may be missing
+    assert "index_middle" in found.q_BS
+
+
+def test_a_gap_in_a_long_pose_does_not_refuse_it() -> None:
+    recording = _long_pose()
+    block = recording.samples["imu"]
+    keep = (block.t < 3.0) | (block.t > 6.2)
+    cut = with_samples(recording, {"imu": Block(block.stream, block.t[keep], block.values[keep])})
+    found = _calibrate(cut, Pose(1.5, 9.0, STILL.thumb_cmc))
+    assert found.t >= 6.2
+
+
+def _long_pose() -> Simulated:
+    g = sized("left")
+    return performed([tasks.initial_pose(g, 12.0)], "left", g, np.random.default_rng(2), SensorErrors())
