@@ -42,10 +42,10 @@ class FusionParams:
         2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
     )
     rest_turn: float = option(
-        0.3,
+        0.1,
         "deg/s",
         "rate at which a sensor that seems to rest still turns (standard deviation): a bias found at rest is no better known",
-        "ours: skin under a still hand's sensor turns while fingers move; VQF's 0.03 is for sensors laid down",
+        "ours: skin under a still hand's sensor turns while fingers move; VQF's 0.03 is for sensors laid down (docs/reproduction.md, drift)",
         least=0.001,
     )
     rest_acc: float = option(
