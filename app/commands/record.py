@@ -20,7 +20,9 @@ from estimators.trajectory import Trajectory
 from sessions import derivative, formats
 from sessions.writing import save_folder
 
-OPEN_WAIT = 5.0  # s for the port and the first samples
+OPEN_WAIT = 15.0  # s for the recording process to start and open the port
+SPEAK_WAIT = 5.0  # s for the glove to say who it is and to send samples
+LIVE_PATIENCE = 2.0  # s that a silent strip is waited for: nobody looks on
 SILENCE = 2.0  # s without a sample that end a recording
 SHORT = 0.2  # s by which a recording may be shorter than asked: samples still on their way
 UNPLUGGED = "the glove was unplugged"
@@ -58,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         undoing.callback(arguments.out.unlink, missing_ok=True)
         hand = _connected(glove, arguments)
         undoing.pop_all()  # the right glove gives samples: from here on what was recorded stays
-        with Tracking(method, params, hand, sized(hand, measures_from(geometry)), rows.append) as tracking:
+        with Tracking(method, params, hand, sized(hand, measures_from(geometry)), rows.append, LIVE_PATIENCE) as tracking:
             why = _follow(glove, tracking, arguments.seconds)
             tracking.drain()
         if early := ending(max(0.0, tracking.newest_sample()), arguments.seconds, why):
@@ -98,7 +100,7 @@ def _connected(glove: Glove, arguments: argparse.Namespace):  # type: ignore[no-
         raise InputError(f"{arguments.port} did not answer")
     if glove.state.state != "opened":
         raise InputError(glove.state.reason)
-    if not glove.wait_for(lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, OPEN_WAIT):
+    if not glove.wait_for(lambda g: bool(g.assembler.counts) and g.assembler.identity is not None, SPEAK_WAIT):
         raise InputError(f"{arguments.port} is open, but no glove speaks there; is it the right port?")
     said = glove.assembler.identity.hand if glove.assembler.identity else None
     if said and arguments.hand not in (None, said):

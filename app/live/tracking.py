@@ -41,7 +41,16 @@ class Motion:
 class Tracking:
     """A context manager that owns the estimator's thread."""
 
-    def __init__(self, method: ModuleType, params: Any, hand: Hand, geometry: HandGeometry, on_pose: Callable[[Trajectory], None]) -> None:
+    def __init__(
+        self,
+        method: ModuleType,
+        params: Any,
+        hand: Hand,
+        geometry: HandGeometry,
+        on_pose: Callable[[Trajectory], None],
+        patience: float = PATIENCE,
+    ) -> None:
+        self._patience = patience
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view left out; the recording has them
         self.failures = 0  # times that the method failed and was started again
@@ -160,7 +169,7 @@ class Tracking:
         for block in blocks:
             self._state, piece = self.method.step(self.params, self._state, block)
             pieces.append(piece)
-        self._state, late = self.method.release(self.params, self._state, PATIENCE)
+        self._state, late = self.method.release(self.params, self._state, self._patience)
         pieces = [p for p in (*pieces, late) if len(p)]
         if not pieces:
             return None

@@ -35,7 +35,7 @@ def test_a_replayed_recording_gives_the_same_live_in_batch_and_from_its_original
 def test_a_recording_that_could_not_begin_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(record, "OPEN_WAIT", 1.5)
+    monkeypatch.setattr(record, "SPEAK_WAIT", 1.0)
     master, slave = os.openpty()
     out, live = tmp_path / "r.mcap", tmp_path / "live"
     try:
