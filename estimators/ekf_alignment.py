@@ -1,0 +1,135 @@
+"""Samples of all sensors at the instants of the rows, as the fingers' filters take them.
+
+In      inertial blocks as they come; rows of fused orientations once every stream has got that far
+Out     finger_ekf.Samples in segment frames: turns since the row before, specific forces, what may have been missed
+Source  ours: where a gyroscope has no good sample (missing, at its limit, of another rate) its turn is that of the fused orientation, which is bridged
+        by estimators/bridging.py and tells how much that may have missed; its bias is not in that turn
+Limits  accelerations of a stream with other instants are interpolated over two samples
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.calibration import Calibration
+from estimators.finger_ekf import Samples
+from estimators.forward_kinematics import CHAIN_SEGMENTS
+from estimators.hand_anatomy import SEGMENT, SEGMENTS
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block, Stream
+from estimators.sensor_fusion import LOST_DOUBT, SATURATION, complete
+from estimators.time_base import Rows
+from estimators.trajectory import Flag
+
+_UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)
+SENSORS = np.column_stack([np.full(len(CHAIN_SEGMENTS), SEGMENT["hand"]), CHAIN_SEGMENTS])  # (5, 4) segments of each finger's sensors
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Samples of a stream in segment frames, the calibration's biases removed; NaN where not to be used."""
+
+    stream: Stream
+    t: Array  # (n,)
+    gyr: Array  # (n, sensors, 3) rad/s
+    acc: Array  # (n, sensors, 3) m/s^2
+
+
+@dataclass(frozen=True)
+class State:
+    waiting: Mapping[str, Waiting] = field(default_factory=dict)
+    t: float = -np.inf  # s, newest row
+    q_GB: Array | None = None  # (segments, 4) there
+    doubt: Array | None = None  # (segments,) rad^2 there
+
+
+def start() -> State:
+    return State()
+
+
+def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
+    """Keep a block's samples until their rows come."""
+    fresh = _in_segments(block, calibration, q_SB)
+    before = state.waiting.get(block.stream.name)
+    if before is not None and before.stream == block.stream:
+        fresh = Waiting(block.stream, *(np.concatenate([getattr(before, n), getattr(fresh, n)]) for n in ("t", "gyr", "acc")))
+    return replace(state, waiting={**state.waiting, block.stream.name: fresh})
+
+
+def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, max_gap: float) -> tuple[State, Samples]:
+    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample."""
+    first = state.q_GB if state.q_GB is not None else q_GB[0]
+    turn = np.nan_to_num(quat.log(quat.relative(np.concatenate([first[None], q_GB[:-1]]), q_GB)), nan=0.0)
+    dt = np.diff(rows.t, prepend=state.t if np.isfinite(state.t) else rows.t[0])
+    bias_time, acc = np.zeros(turn.shape[:2]), np.full(turn.shape, np.nan)
+    for waiting in state.waiting.values():
+        _place(waiting, rows.t, dt, instant, turn, bias_time, acc)
+    grown = np.maximum(np.diff(rows.doubt, axis=0, prepend=(rows.doubt[:1] if state.doubt is None else state.doubt[None])), 0.0)
+    present = np.isfinite(q_GB[..., 0])
+    # the fusion counts a gap once; what is silent goes on turning
+    held = ((rows.flags & Flag.MISSING) != 0) & (turn == 0).all(axis=-1) & present
+    grown += np.where(held, LOST_DOUBT / max(max_gap, 0.01) * dt[:, None], 0.0)
+    acc[(rows.flags & _UNSURE) != 0] = np.nan
+    known = present[:, SENSORS[:, :3]] & present[:, SENSORS[:, 1:]]
+    q_first = np.where(known[..., None], quat.relative(q_GB[:, SENSORS[:, :3]], q_GB[:, SENSORS[:, 1:]]), quat.IDENTITY)
+    kept = {name: _pruned(w, float(rows.t[-1])) for name, w in state.waiting.items()}
+    samples = Samples(rows.t, turn[:, SENSORS], bias_time[:, SENSORS], acc[:, SENSORS], grown[:, SENSORS], known, q_first)
+    return State(kept, float(rows.t[-1]), q_GB[-1].copy(), rows.doubt[-1].copy()), samples
+
+
+def _in_segments(block: Block, calibration: Calibration, q_SB: Array) -> Waiting:
+    """Calibrated samples in segment frames; NaN where missing or at the sensor's limit."""
+    gyr, acc, whole = block.of(GYR), block.of(ACC), complete(block)
+    bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in block.stream.sensors])
+    q_BS = np.array([quat.conjugate(q_SB[SEGMENT[s]]) if s in SEGMENTS else quat.IDENTITY for s in block.stream.sensors])
+    good = [whole & ~_at_limit(values, block.stream.full_scale.get(name)) for name, values in ((GYR, gyr), (ACC, acc))]
+    return Waiting(
+        block.stream,
+        block.t,
+        np.where(good[0][..., None], quat.rotate(q_BS, gyr - bias), np.nan),
+        np.where(good[1][..., None], quat.rotate(q_BS, acc), np.nan),
+    )
+
+
+def _at_limit(values: Array, full_scale: float | None) -> NDArray[np.bool_]:
+    return np.asarray((np.abs(values) >= SATURATION * (np.inf if full_scale is None else full_scale)).any(axis=-1))
+
+
+def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bias_time: Array, acc: Array) -> None:
+    """Write a stream's own samples over the turns of the fusion, and its specific forces."""
+    columns = [(k, SEGMENT[name]) for k, name in enumerate(waiting.stream.sensors) if name in SEGMENT]
+    if not columns or len(waiting.t) == 0:
+        return
+    sensors, segments = (np.array(c) for c in zip(*columns))
+    after = np.minimum(np.searchsorted(waiting.t, t), len(waiting.t) - 1)
+    before = np.maximum(after - 1, 0)
+    period = 1.0 / waiting.stream.rate
+    here = waiting.t[after] == t
+    gyr = waiting.gyr[:, sensors]
+    rates = 0.5 * (gyr[after] + gyr[before]) if instant else gyr[after]
+    regular = here & (np.abs(dt - period) < 0.25 * period) & (np.abs(waiting.t[after] - waiting.t[before] - period) < 0.25 * period)
+    own = regular[:, None] & np.isfinite(rates).all(axis=-1)
+    turn[:, segments] = np.where(own[..., None], rates * dt[:, None, None], turn[:, segments])
+    bias_time[:, segments] = np.where(own, dt[:, None], bias_time[:, segments])
+    acc[:, segments] = _between(waiting.t, waiting.acc[:, sensors], t, before, after, 1.5 * period, acc[:, segments])
+
+
+def _between(
+    known_t: Array, values: Array, t: Array, before: NDArray[np.int_], after: NDArray[np.int_], longest: float, otherwise: Array
+) -> Array:
+    """Values (n, sensors, 3) at t between their neighbours; `otherwise` where those are not within reach."""
+    span = known_t[after] - known_t[before]
+    inside = (known_t[before] <= t) & (t <= known_t[after]) & (span > 0) & (span < longest)
+    weight = np.where(inside, (t - known_t[before]) / np.where(span > 0, span, 1.0), 1.0)[:, None, None]
+    here = (known_t[after] == t)[:, None, None]
+    mixed = values[before] * (1 - weight) + values[after] * weight
+    return np.where(here, values[after], np.where(inside[:, None, None], mixed, otherwise))
+
+
+def _pruned(waiting: Waiting, t: float) -> Waiting:
+    """Forget what lies before the last sample not after t."""
+    first = max(int(np.searchsorted(waiting.t, t, side="right")) - 1, 0)
+    return Waiting(waiting.stream, waiting.t[first:], waiting.gyr[first:], waiting.acc[first:])

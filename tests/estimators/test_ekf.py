@@ -1,0 +1,189 @@
+"""The method ekf from end to end: the truth recovered, honest standard deviations, whatever is missing."""
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimators import forward_kinematics, joint_angles, run, trajectory
+from estimators import quaternions as quat
+from estimators.forward_kinematics import CHAIN_JOINTS
+from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT
+from estimators.hand_geometry import sized
+from estimators.methods import ekf
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block
+from estimators.simulation.scenario import Simulated, simulate
+from estimators.simulation.sensors import IDEAL, SensorErrors
+from estimators.trajectory import Trajectory
+from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, interleaved, pose_and_wiggle, with_samples
+
+PARAMS = ekf.Params(gyr_reading="instant")  # as the simulated gyroscopes read
+FINGER_JOINTS = sorted(CHAIN_JOINTS.ravel())
+
+
+def _tracked(recording: Simulated, params: ekf.Params = PARAMS) -> Trajectory:
+    return trajectory.join(list(run.run(ekf, params, [calibrated(recording, params)], recording)), recording.hand)
+
+
+def _stepped(recording: Simulated, pieces: list[Block], saved: bool = False) -> Trajectory:
+    found = calibrated(recording, PARAMS)
+    state, given = ekf.start(PARAMS, found, recording.streams), []
+    for piece in pieces:
+        state, moved = ekf.step(PARAMS, pickle.loads(pickle.dumps(state)) if saved else state, piece.between(found.t, np.inf))
+        given.append(moved)
+    _, moved = ekf.finish(PARAMS, state)
+    return trajectory.join([*given, moved], recording.hand)
+
+
+def _assert_all_same(a: Trajectory, b: Trajectory) -> None:
+    assert_same(a, b)
+    assert a.angles_sd is not None
+    assert a.tips_sd is not None
+    np.testing.assert_array_equal(a.angles_sd, b.angles_sd)
+    np.testing.assert_array_equal(a.tips_sd, b.tips_sd)
+
+
+def test_the_truth_is_recovered_without_noise(simulated: Simulated) -> None:
+    moved = _tracked(simulated)
+    np.testing.assert_array_equal(moved.t, simulated.truth.t)
+    assert np.nanmax(np.abs(moved.angles - simulated.truth.angles)) < 0.5 * DEG  # accelerometers disagree while fingers turn
+    assert np.abs(moved.tips - simulated.truth.tips).max() < 1e-3
+    assert not moved.flags.any()
+
+
+def test_every_angle_of_the_fingers_and_every_tip_has_a_standard_deviation(simulated: Simulated) -> None:
+    moved = _tracked(simulated)
+    assert moved.angles_sd is not None
+    assert moved.tips_sd is not None
+    np.testing.assert_array_equal(np.isfinite(moved.angles_sd[:, FINGER_JOINTS]).all(axis=0), IS_DOF[FINGER_JOINTS])
+    assert np.isnan(moved.angles_sd[:, JOINT["wrist"]]).all()
+    assert (moved.angles_sd[:, FINGER_JOINTS][np.isfinite(moved.angles_sd[:, FINGER_JOINTS])] > 1.9 * DEG).all()
+    assert np.isfinite(moved.tips_sd).all()
+
+
+def test_standard_deviations_are_honest_with_real_errors() -> None:
+    """Data-sheet noise, biases, skin and 5 to 10 deg of misalignment: 95 % of the angles within two standard deviations."""
+    recording = simulate(["initial_pose", "tapping"], "left", sized("left"), np.random.default_rng(3), SensorErrors())
+    moved = _tracked(recording)
+    assert moved.angles_sd is not None
+    error = (moved.angles - recording.truth.angles)[:, FINGER_JOINTS] / moved.angles_sd[:, FINGER_JOINTS]
+    assert np.mean(np.abs(error[np.isfinite(error)]) < 2) > 0.95
+
+
+def _derivative(f: "object", size: int, step: float = 1e-6) -> Array:
+    assert callable(f)
+    return np.stack([(f(step * e) - f(-step * e)) / (2 * step) for e in np.eye(size)], axis=-1)
+
+
+def test_the_jacobian_of_the_angles_is_their_derivative(rng: np.random.Generator) -> None:
+    angles = rng.uniform(-1.2, 1.2, (20, 3))
+    q = joint_angles.compose(angles)
+    numeric = _derivative(lambda dth: joint_angles.decompose(quat.multiply(q, quat.exp(dth))), 3)
+    np.testing.assert_allclose(ekf.angle_jacobian(angles), numeric, atol=1e-7)
+
+
+def test_the_jacobian_of_the_tips_is_their_derivative(rng: np.random.Generator) -> None:
+    geometry, angles = sized("right"), rng.uniform(-0.6, 0.9, (2, len(JOINTS), 3))
+    q_pc = joint_angles.compose(angles)
+
+    def tips(dth: Array) -> Array:
+        turned = q_pc.copy()
+        for j in range(3):
+            columns = CHAIN_JOINTS[:, j]
+            turned[:, columns] = quat.multiply(q_pc[:, columns], quat.exp(dth[3 * j : 3 * j + 3]))
+        return forward_kinematics.tips(turned, geometry)
+
+    np.testing.assert_allclose(ekf.tip_jacobian(q_pc, geometry), _derivative(tips, 9), atol=1e-8)
+
+
+@given(st.lists(st.integers(0, 1500), max_size=6), st.integers(0, 2**32 - 1))
+def test_a_recording_with_gaps_may_be_cut_anywhere(where: list[int], seed: int) -> None:
+    recording = _holed()
+    pieces: Mapping[str, list[Block]] = {n: cut(b, where) for n, b in recording.samples.items()}
+    expected = _stepped(recording, list(recording.samples.values()))
+    _assert_all_same(_stepped(recording, list(interleaved(pieces, np.random.default_rng(seed)))), expected)
+
+
+def test_a_saved_state_goes_on_as_if_nothing_had_happened() -> None:
+    recording = _holed()
+    pieces = list(interleaved({n: cut(b, [300, 700, 1000]) for n, b in recording.samples.items()}, np.random.default_rng(1)))
+    _assert_all_same(_stepped(recording, pieces, saved=True), _stepped(recording, pieces))
+
+
+def _holed() -> Simulated:
+    """One strip misses 0.1 s, one 0.4 s, of one a sensor is silent."""
+    whole = in_strips("left")
+    samples = dict(whole.samples)
+    for name, first, count in (("index", 800, 10), ("ring", 900, 40)):
+        block = samples[name]
+        keep = np.ones(len(block.t), bool)
+        keep[first : first + count] = False
+        samples[name] = Block(block.stream, block.t[keep], block.values[keep])
+    little = samples["little"]
+    values = little.values.copy()
+    values[500:520, 1] = np.nan
+    samples["little"] = Block(little.stream, little.t, values)
+    return with_samples(whole, samples)
+
+
+def test_gaps_leave_no_nan_and_a_long_one_is_less_sure() -> None:
+    moved = _stepped(_holed(), list(_holed().samples.values()))
+    assert moved.angles_sd is not None
+    assert moved.tips_sd is not None
+    assert np.isfinite(moved.tips).all()
+    assert np.isfinite(moved.tips_sd).all()
+    t = _holed().samples["hand"].t[[880, 935]]
+    before, within = (moved.angles_sd[np.searchsorted(moved.t, x), JOINT["ring_mcp"], 0] for x in t)
+    assert within > 20 * DEG > before
+
+
+@pytest.mark.parametrize("missing", ["thumb", "index", "little", "forearm"])
+def test_removing_a_strip_changes_no_bit_of_the_other_fingers(missing: str) -> None:
+    whole = in_strips("left")
+    part = with_samples(whole, {name: b for name, b in whole.samples.items() if name != missing})
+    expected, moved = _tracked(whole), _tracked(part)
+    own = [JOINT[j.name] for j in JOINTS if not {j.parent, j.child} & _segments(missing)]
+    np.testing.assert_array_equal(moved.angles[:, own], expected.angles[:, own])
+    assert moved.angles_sd is not None
+    assert expected.angles_sd is not None
+    np.testing.assert_array_equal(moved.angles_sd[:, own], expected.angles_sd[:, own])
+    if missing != "forearm":
+        assert np.isnan(moved.tips[:, FINGERS.index(missing)]).all()
+
+
+def _segments(strip: str) -> set[str]:
+    return {s for s in SEGMENT if s == strip or s.startswith(f"{strip}_")}
+
+
+def test_saturated_rates_are_bridged_and_said_to_be_unsure() -> None:
+    recording = pose_and_wiggle("left")
+    imu = recording.samples["imu"]
+    stream = replace(imu.stream, full_scale={GYR: 10.0, ACC: 80.0})
+    values = imu.values.copy()
+    k, middle = int(np.searchsorted(imu.t, 8.45)), imu.stream.sensors.index("index_middle")
+    values[k : k + 6, middle, 2] = 10.0
+    moved = _tracked(with_samples(recording, {**recording.samples, "imu": Block(stream, imu.t, values)}))
+    assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 1.0 * DEG
+    assert (moved.flags[k : k + 6, SEGMENT["index_middle"]] & trajectory.Flag.SATURATED).all()
+
+
+def test_a_forearm_and_strips_of_another_rate_are_taken_along() -> None:
+    recording = in_strips("left")
+    ring = recording.samples["ring"]
+    slower = Block(replace(ring.stream, rate=50.0), ring.t[::2], ring.values[::2])
+    moved = _tracked(with_samples(recording, {**recording.samples, "ring": slower}), replace(PARAMS, gyr_reading="instant"))
+    error = np.abs(moved.angles - recording.truth.angles)
+    assert np.nanmax(error) < 1.5 * DEG
+    assert np.isfinite(moved.tips).all()
+
+
+def test_without_noise_the_method_gives_out_every_row_only_once() -> None:
+    recording = simulate(["initial_pose", "wiggle"], "right", sized("right"), np.random.default_rng(5), IDEAL, rate=50.0)
+    moved = _tracked(recording)
+    assert (np.diff(moved.t) > 0).all()
+    assert len(moved) == len(recording.truth.t)
