@@ -10,7 +10,7 @@ from app.commands.words import (
     counted,
     method_of,
     output_folder,
-    progress_bar,
+    processed_by,
     require_file,
     require_folder,
     say,
@@ -19,8 +19,6 @@ from app.protocols import load_all
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.measures.assessment import assess
-from estimators.processing import process
-from sessions import formats
 from sessions.writing import save_file, save_folder
 
 
@@ -42,13 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.report:
         require_file(arguments.report, arguments.out)
     method, params = method_of(arguments)
-    recording = formats.load(arguments.recording, arguments.hand)
-    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
-    hear, close = progress_bar("processing")
-    try:
-        processed = process(method, params, recording, other, hear)
-    finally:
-        close()
+    recording, processed = processed_by(method, params, arguments)
     tasks = assess(processed.trajectory, recording.events)
     visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())

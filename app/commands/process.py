@@ -3,10 +3,9 @@
 import argparse
 from pathlib import Path
 
-from app.commands.words import add_method, add_recording, method_of, output_folder, progress_bar, say
+from app.commands.words import add_method, add_recording, method_of, output_folder, processed_by, say
 from app.version import software_version
-from estimators.processing import process
-from sessions import derivative, formats
+from sessions import derivative
 from sessions.writing import save_folder
 
 
@@ -18,13 +17,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     method, params = method_of(arguments)
-    recording = formats.load(arguments.recording, arguments.hand)
-    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
-    hear, close = progress_bar("processing")
-    try:
-        processed = process(method, params, recording, other, hear)
-    finally:
-        close()
+    recording, processed = processed_by(method, params, arguments)
     files = derivative.tree(processed, recording, arguments.method, params, software_version())
     save_folder(files, output_folder(arguments.out))
     for warning in processed.warnings:

@@ -14,6 +14,9 @@ from app.options import help_text, parse, with_options
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.methods import METHODS
+from estimators.processing import Processed, process
+from sessions import formats
+from sessions.recording import LoadedRecording
 
 
 def say(text: str) -> None:
@@ -48,6 +51,17 @@ def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
         raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[arguments.method]
     return module, with_options(module.Params, parse(arguments.option))
+
+
+def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace) -> tuple[LoadedRecording, Processed]:
+    """The recording that the arguments name, and what the method makes of it; a bar shows how far it is."""
+    recording = formats.load(arguments.recording, arguments.hand)
+    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
+    hear, close = progress_bar("processing")
+    try:
+        return recording, process(method, params, recording, other, hear)
+    finally:
+        close()
 
 
 def progress_bar(what: str) -> tuple[Callable[[float], None], Callable[[], None]]:
