@@ -23,6 +23,13 @@ def translation(p_a: Array) -> Array:
     return Q
 
 
+def link(q_ab: Array, p_b: Array) -> Array:
+    """A rotation and behind it a translation by p_b (..., 3) in the turned frame, (14) times (15): (..., 8)."""
+    q_r = np.broadcast_to(q_ab, (*np.broadcast_shapes(q_ab.shape[:-1], p_b.shape[:-1]), 4))
+    half = np.concatenate([np.zeros((*p_b.shape[:-1], 1)), 0.5 * p_b], axis=-1)
+    return np.concatenate([q_r, quat.multiply(q_ab, half)], axis=-1)
+
+
 def multiply(Q_ab: Array, Q_bc: Array) -> Array:
     """Chain two rigid motions: Q_ac (..., 8). (8)
 

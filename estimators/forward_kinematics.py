@@ -44,10 +44,9 @@ def _chain(q_pc: Array, geometry: HandGeometry) -> list[Array]:
     wrist = (
         np.nan_to_num(q_pc[..., JOINT["wrist"], :], nan=0.0) + np.isnan(q_pc[..., JOINT["wrist"], :1]) * quat.IDENTITY
     )  # unknown wrist counts as neutral
-    Q = dual.multiply(dual.rotation(wrist)[..., None, :], dual.translation(geometry.roots()))  # (25), WCS to hand
+    Q = dual.link(wrist[..., None, :], geometry.roots())  # (25), WCS to hand
     offsets, places = geometry.chain_offsets(), []
     for k in range(3):
-        step = dual.multiply(dual.rotation(q_pc[..., CHAIN_JOINTS[:, k], :]), dual.translation(offsets[:, k]))  # (23), (24)
-        Q = dual.multiply(Q, step)
+        Q = dual.multiply(Q, dual.link(q_pc[..., CHAIN_JOINTS[:, k], :], offsets[:, k]))  # (23), (24)
         places.append(Q)
     return places

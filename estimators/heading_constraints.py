@@ -69,7 +69,7 @@ def step(
         states.append(_looked(params, states[-1], float(t[row]), q_GB[row], doubt[row], usable[row]))
     newest = np.searchsorted(looks, np.arange(len(t)), side="right")  # the look that counts in each row
     deltas = np.array([s.delta for s in states])
-    corrected = quat.multiply(quat.about(2, _by_segment(deltas)[newest]), q_GB) if deltas.any() else q_GB
+    corrected = quat.headed(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
     return states[-1], corrected, _lost(params, states, newest, doubt)
 
 
@@ -108,7 +108,7 @@ def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: A
 
 def _told(delta: Array, q_GB: Array) -> tuple[Array, Array]:
     """What the joints say: how far each angle (joints, 3) is from what is possible, and how it changes with the child's heading; zero where nothing."""
-    parent, child = q_GB[PARENTS], quat.multiply(quat.about(2, delta), q_GB[CHILDREN])
+    parent, child = q_GB[PARENTS], quat.headed(q_GB[CHILDREN], delta)
     angles = joint_angles.decompose(quat.relative(parent, child))
     miss = np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]) - angles
     told = np.isfinite(miss) & (~IS_DOF | (miss != 0))

@@ -87,6 +87,14 @@ def about(axis: int, theta: Any) -> Array:
     return q
 
 
+def headed(q_GS: Array, theta: Any) -> Array:
+    """Turn q_GS (..., 4) by theta (...) rad about the global vertical: about(2, theta) times q_GS, at half its cost."""
+    half = 0.5 * np.asarray(theta, dtype=float)
+    c, s = np.cos(half), np.sin(half)
+    w, x, y, z = _components(q_GS)
+    return _stack(c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
+
+
 def twist(q: Array, axis: int) -> Array:
     """Angle in rad of the part of q that turns about its own coordinate axis: (..., 4) -> (...), in [-pi, pi).
 
@@ -140,7 +148,8 @@ def _components(q: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _stack(*parts: Array) -> Array:
-    out = np.empty((*np.broadcast(*parts).shape, len(parts)))
+    """One array of components that each lie together in memory: arithmetic with strides is slower."""
+    out = np.empty((len(parts), *np.broadcast(*parts).shape))
     for k, part in enumerate(parts):
-        out[..., k] = part
-    return out
+        out[k] = part
+    return out.transpose(*range(1, out.ndim), 0)

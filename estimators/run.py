@@ -17,7 +17,7 @@ from estimators.calibration import Calibration
 from estimators.samples import GYR, Block, Stream, join
 from estimators.trajectory import Trajectory
 
-PIECE = 1024  # samples at a time: what a step makes of them stays in the processor's cache
+PIECE = 2048  # samples at a time: what a step makes of them stays in the processor's cache
 
 
 class Samples(Protocol):

@@ -111,9 +111,10 @@ def _place(rows: Rows, waiting: Waiting) -> None:
         return
     sensors, segments = (np.array(c) for c in zip(*columns))
     after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
-    if np.array_equal(data.t[after], t):  # the stream has samples at just these instants: the same bits without interpolation
-        rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[after][:, sensors], data.flags[after][:, sensors]
-        rows.doubt[:, segments] = data.doubt[after][:, sensors]
+    own = slice(after[0], after[0] + len(t))
+    if np.array_equal(data.t[own], t):  # the stream has samples at just these instants: the same bits without interpolation
+        rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[own, sensors], data.flags[own, sensors]
+        rows.doubt[:, segments] = data.doubt[own, sensors]
         return
     before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
     span = data.t[after] - data.t[before]

@@ -33,6 +33,13 @@ def test_rigid_motions_chain_associatively(q: tuple[np.ndarray, ...]) -> None:
 
 
 @given(rotations(1))
+def test_a_link_is_a_rotation_and_behind_it_a_translation(q: tuple[np.ndarray, ...]) -> None:
+    p_b = _places(q[0].shape[:-1], 1)[0]
+    np.testing.assert_allclose(dual.link(q[0], p_b), dual.multiply(dual.rotation(q[0]), dual.translation(p_b)), atol=1e-15)
+    np.testing.assert_allclose(dual.origin(dual.link(q[0], p_b)), quat.rotate(q[0], p_b), atol=1e-15)
+
+
+@given(rotations(1))
 def test_the_product_keeps_the_unit_constraint(q: tuple[np.ndarray, ...]) -> None:
     p = _places(q[0].shape[:-1], 2)
     Q = dual.multiply(dual.multiply(dual.translation(p[0]), dual.rotation(q[0])), dual.translation(p[1]))

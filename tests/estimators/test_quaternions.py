@@ -113,6 +113,11 @@ def test_a_twist_is_the_turn_about_the_axis(axis: int, theta: float, swing: floa
     np.testing.assert_allclose(quat.about(axis, theta), quat.exp(theta * np.eye(3)[axis]), atol=ROUNDING)
 
 
+@given(rotations(1), st.floats(-7, 7))
+def test_headed_turns_about_the_vertical(q: tuple[np.ndarray, ...], theta: float) -> None:
+    np.testing.assert_allclose(quat.headed(q[0], theta), quat.multiply(quat.about(2, theta), q[0]), atol=ROUNDING)
+
+
 @given(rotations(2))
 def test_slerp_begins_exactly_and_ends_up_to_rounding(q: tuple[np.ndarray, ...]) -> None:
     a, b = q
@@ -155,6 +160,7 @@ def _functions() -> dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]:
         "log": lambda a, b: quat.log(a),
         "angle": lambda a, b: quat.angle(a),
         "about": lambda a, b: quat.about(1, a[:, 0] * 3),
+        "headed": lambda a, b: quat.headed(a, b[:, 0]),
         "twist": lambda a, b: quat.twist(a, 2),
         "slerp": lambda a, b: quat.slerp(a, b, np.abs(a[:, 0])),
         "matrix": lambda a, b: quat.matrix(a),
