@@ -20,7 +20,7 @@ from estimators.forward_kinematics import CHAIN_SEGMENTS
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Stream
-from estimators.sensor_fusion import LOST_DOUBT, SATURATION, complete
+from estimators.sensor_fusion import LOST_DOUBT, complete
 from estimators.time_base import Rows
 from estimators.trajectory import Flag
 
@@ -85,17 +85,12 @@ def _in_segments(block: Block, calibration: Calibration, q_SB: Array) -> Waiting
     gyr, acc, whole = block.of(GYR), block.of(ACC), complete(block)
     bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in block.stream.sensors])
     q_BS = np.array([quat.conjugate(q_SB[SEGMENT[s]]) if s in SEGMENTS else quat.IDENTITY for s in block.stream.sensors])
-    good = [whole & ~_at_limit(values, block.stream.full_scale.get(name)) for name, values in ((GYR, gyr), (ACC, acc))]
     return Waiting(
         block.stream,
         block.t,
-        np.where(good[0][..., None], quat.rotate(q_BS, gyr - bias), np.nan),
-        np.where(good[1][..., None], quat.rotate(q_BS, acc), np.nan),
+        np.where((whole & ~block.at_limit(GYR))[..., None], quat.rotate(q_BS, gyr - bias), np.nan),
+        np.where((whole & ~block.at_limit(ACC))[..., None], quat.rotate(q_BS, acc), np.nan),
     )
-
-
-def _at_limit(values: Array, full_scale: float | None) -> NDArray[np.bool_]:
-    return np.asarray((np.abs(values) >= SATURATION * (np.inf if full_scale is None else full_scale)).any(axis=-1))
 
 
 def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bias_time: Array, acc: Array) -> None:

@@ -21,7 +21,6 @@ G = 9.80665
 GRAVITY_DOUBT, GRAVITY_FAULT = 0.5, 1.0  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
 BIAS_DOUBT, BIAS_FAULT = 10.0, 20.0  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
 FIELD = (15e-6, 100e-6)  # T, the Earth's is 22 to 67 uT (IGRF), half as much again for a building
-LIMIT = 0.98  # of full scale
 LEAST_LIMIT = {GYR: np.radians(240.0), ACC: 1.9 * G}  # smallest full scales: 250 deg/s, 2 g
 
 
@@ -35,10 +34,10 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
 
 def _clipped(block: Block, quantity: str) -> list[Finding]:
     """Sensors at their limit, by the known full scale or, without one, by equal largest samples in a row."""
-    found, limit = [], block.stream.full_scale.get(quantity)
+    found, known = [], quantity in block.stream.full_scale
+    at_limit = block.at_limit(quantity)
     for k, sensor in enumerate(block.stream.sensors):
-        size = np.abs(block.of(quantity)[:, k])
-        hit = np.asarray((size >= LIMIT * limit).any(axis=-1)) if limit else _plateaus(size, LEAST_LIMIT[quantity])
+        hit = at_limit[:, k] if known else _plateaus(np.abs(block.of(quantity)[:, k]), LEAST_LIMIT[quantity])
         if hit.any():
             spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit))
             sentence = f"its {WORDS[quantity]} was at its limit {len(spans)} times, first at {spans[0][0]:.1f} s"
@@ -48,9 +47,11 @@ def _clipped(block: Block, quantity: str) -> list[Finding]:
 
 def _plateaus(size: Array, least: float) -> NDArray[np.bool_]:
     """Samples (n,) of three axes (n, 3) that equal the axis's largest value three times in a row."""
-    with np.errstate(invalid="ignore"):
-        top = (size >= least) & (size == np.nanmax(np.where(np.isfinite(size), size, 0.0), axis=0, initial=0.0))
     hit = np.zeros(len(size), bool)
+    largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
+    if (largest < least).all():
+        return hit
+    top = (size >= least) & (size == largest)
     for axis in top.T:
         for a, b in runs(axis):
             hit[a:b] |= b - a >= 3

@@ -20,11 +20,10 @@ from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream
+from estimators.samples import ACC, GYR, MAG, Block, Stream, every, some
 from estimators.trajectory import Flag
 
 LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
-SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +128,7 @@ def step(params: FusionParams, state: StreamState, block: Block) -> tuple[Stream
     """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
     block, sampled = _with_missing_instants(params, state, block)
     block, sampled = _with_held(state, block), np.concatenate([state.held_sampled, sampled])
-    turning_too_fast, pushed_too_hard = _at_limit(block)
+    turning_too_fast, pushed_too_hard = block.at_limit(GYR), block.at_limit(ACC)
     whole = complete(block) & ~turning_too_fast  # rates beyond the limit are bridged as missing ones are
     return _advance(params, state, block, sampled, whole, turning_too_fast | pushed_too_hard, _settled(params, state, block.t, whole))
 
@@ -138,7 +137,7 @@ def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Orien
     """Give out what is still held: at the end of the recording an open gap is a loss."""
     nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.sensors), 3 * len(state.stream.quantities))))
     held = _with_held(state, nothing)
-    turning_too_fast, pushed_too_hard = _at_limit(held)
+    turning_too_fast, pushed_too_hard = held.at_limit(GYR), held.at_limit(ACC)
     whole = complete(held) & ~turning_too_fast
     return _advance(params, state, held, state.held_sampled, whole, turning_too_fast | pushed_too_hard, len(held.t))
 
@@ -146,7 +145,7 @@ def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Orien
 def complete(block: Block) -> NDArray[np.bool_]:
     """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
     gyr, acc = block.of(GYR), block.of(ACC)
-    return np.asarray(np.isfinite(gyr).all(axis=-1) & np.isfinite(acc).all(axis=-1) & (acc != 0).any(axis=-1))
+    return every(np.isfinite(gyr)) & every(np.isfinite(acc)) & some(acc != 0)
 
 
 def _advance(
@@ -239,7 +238,7 @@ def _fuse(
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
             sensor = replace(sensor, doubt=float(doubt[last - 1]))
             sensor, q_GS[first:last] = _filter(params, sensor, block, filled, first, last)
-            fresh = np.logical_or.accumulate(np.isfinite(filled[:, 6:]).all(axis=1) & _has_north(sensor, filled))
+            fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
             flags[first:last] = _headless(sensor, fresh)
             sensor = replace(sensor, lost=bool(sensor.lost and not fresh[-1]), northed=bool(sensor.northed or fresh[-1]))
         else:
@@ -251,6 +250,11 @@ def _fuse(
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
             flags[first:last] = _headless(sensor, np.zeros(last - first, bool))
     return sensor, q_GS, flags, doubt
+
+
+def _from_first(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """True from the first true flag on."""
+    return np.asarray(np.logical_or.accumulate(flags))
 
 
 def _has_north(sensor: SensorState, samples: Array) -> bool:
@@ -330,17 +334,17 @@ def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Ar
 
 def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> Array:
     """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on."""
-    known = np.asarray(np.isfinite(mag).all(axis=1))
-    cuts = [0, *(np.flatnonzero(np.diff(known.astype(int))) + 1), len(mag)]
+    known = every(np.isfinite(mag))
+    cuts = [0, *(np.flatnonzero(known[1:] != known[:-1]) + 1), len(mag)]
     pieces = []
     for first, last in itertools.pairwise(cuts):
         if known[first]:
             pieces.append(vqf.updateBatch(gyr[first:last], acc[first:last], np.ascontiguousarray(mag[first:last] * 1e6))["quat9D"])
         else:
-            turned = quat.about(2, np.array(vqf.state["delta"]))
-            pieces.append(quat.multiply(turned, vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"]))
+            delta = vqf.state["delta"]
+            pieces.append(quat.headed(vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta))
     q_GS = np.concatenate(pieces)
-    return q_GS if sensor.north is None else quat.multiply(quat.about(2, np.array(-sensor.north)), q_GS)
+    return q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)
 
 
 def _midway(sensor: SensorState, gyr: Array) -> Array:
@@ -359,7 +363,7 @@ def _filter_start(fresh: Mapping[str, Any], sensor: SensorState, sample: Array) 
         return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
     assert sensor.q_GS is not None
     kept = {name: sensor.filter_state[name] for name in ("bias", "biasP", "delta")}
-    q_6D = quat.multiply(quat.about(2, np.array((sensor.north or 0.0) - kept["delta"])), sensor.q_GS)  # before the magnetometer's turn
+    q_6D = quat.headed(sensor.q_GS, (sensor.north or 0.0) - kept["delta"])  # before the magnetometer's turn
     return {**fresh, **kept, "accQuat": [float(x) for x in upright(q_6D, sample[3:6])]}
 
 
@@ -370,13 +374,3 @@ def upright(q_GS: Array, acc: Array) -> Array:
     if up[2] < -1 + 1e-12:
         tilt = np.array([0.0, 1.0, 0.0, 0.0])
     return quat.normalize(quat.multiply(quat.normalize(tilt), q_GS))
-
-
-def _at_limit(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which rows (n, sensors) have an angular rate, and which an acceleration, at the sensor's limit."""
-    nowhere = np.zeros(block.values.shape[:2], dtype=bool)
-    gyr, acc = (
-        (np.abs(block.of(q)) >= SATURATION * block.stream.full_scale[q]).any(axis=-1) if q in block.stream.full_scale else nowhere
-        for q in (GYR, ACC)
-    )
-    return np.asarray(gyr), np.asarray(acc)
