@@ -88,14 +88,16 @@ def _with_magnetometer(state: State, block: Block) -> Block:
 def _held(state: State, block: Block) -> Array:
     """The newest magnetometer sample of each sensor at each instant (n, sensors, 3)."""
     held = np.full((len(block.t), len(block.stream.sensors), 3), np.nan)
+    served: dict[str, list[tuple[int, int]]] = {}
     for k, sensor in enumerate(block.stream.sensors):
-        name, column = state.serving.get(sensor, ("", 0))
-        if name not in state.magnetic:
-            continue
-        source = state.magnetic[name]
+        if sensor in state.serving:
+            name, column = state.serving[sensor]
+            served.setdefault(name, []).append((k, column))
+    for name in served.keys() & state.magnetic.keys():
+        source, (sensors, columns) = state.magnetic[name], (np.array(each) for each in zip(*served[name]))
         newest = np.searchsorted(source.t, block.t, side="right") - 1
-        usable = (newest >= 0) & (block.t - source.t[np.maximum(newest, 0)] <= MOST_AGE)
-        held[usable, k] = source.of(MAG)[newest[usable], column]
+        usable = np.flatnonzero((newest >= 0) & (block.t - source.t[np.maximum(newest, 0)] <= MOST_AGE))
+        held[usable[:, None], sensors] = source.of(MAG)[newest[usable][:, None], columns]
     return held
 
 

@@ -12,6 +12,7 @@ Limits  turned: with the palm level gravity does not show a turn about the verti
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,9 +48,10 @@ class _Worn:
         """Where the hand's up would be if this sensor sat as it should on a segment that lies so."""
         return quat.rotate(quat.multiply(self.on_hand if on_hand is None else on_hand, self.nominal), self.up)
 
-    @property
+    @cached_property
     def size(self) -> Array:
-        return np.asarray(np.linalg.norm(self.rate, axis=1))
+        x, y, z = self.rate.T
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def check(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, events: Sequence[Event]) -> list[Finding]:

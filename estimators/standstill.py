@@ -42,10 +42,8 @@ def check(blocks: Sequence[Block]) -> list[Finding]:
     edges = np.arange(min((s for s, _ in spans), default=0.0), max((e for _, e in spans), default=0.0) + WINDOW, WINDOW)
     if len(edges) < 2:
         return []
-    seen = {
-        (s, q): _seen(b, k, q, edges) for b in blocks for k, s in enumerate(b.stream.sensors) for q in b.stream.quantities if q in WORDS
-    }
-    moves = {s: _moves(b, k, edges) for b in blocks if GYR in b.stream.quantities for k, s in enumerate(b.stream.sensors)}
+    seen = {(s, q): own for b in blocks for q in b.stream.quantities if q in WORDS for s, own in zip(b.stream.sensors, _seen(b, q, edges))}
+    moves = {s: moved for b in blocks if GYR in b.stream.quantities for s, moved in zip(b.stream.sensors, _moves(b, edges).T)}
     inertial = [s for (_, q), s in seen.items() if q != MAG]
     if not inertial or _share([s.dead for s in inertial], [s.known for s in inertial]).max() >= NOISELESS:
         return []
@@ -59,46 +57,44 @@ def check(blocks: Sequence[Block]) -> list[Finding]:
     return _merged(found)
 
 
-def _seen(block: Block, k: int, quantity: str, edges: Array) -> _Seen:
-    """Extent of the steps from sample to sample in each second."""
-    values = block.values[:, k, block.stream.axes(quantity)]
+def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
+    """Extent of every sensor's steps from sample to sample in each second."""
     first = np.searchsorted(block.t, edges)
-    steps = np.diff(values, axis=0, append=values[-1:])
-    with np.errstate(invalid="ignore"):
-        products = np.stack([steps[:, i] * steps[:, j] for i, j in _PAIRS])
-    sums = _sums(products, first)
+    steps = np.diff(np.moveaxis(block.of(quantity), -1, 0), axis=1, append=0.0)
+    steps[:, np.clip(first[1:] - 1, 0, len(block.t) - 1)] = 0.0  # a step into the next second does not count
     count = np.diff(first)
-    known = (count >= max(3.0, 0.5 * WINDOW * block.stream.rate)) & np.isfinite(sums).all(axis=0)
-    covariance = np.zeros((len(count), 3, 3))
-    for (i, j), values_ij in zip(_PAIRS, np.where(known, sums, 0.0)):
-        covariance[:, i, j] = covariance[:, j, i] = values_ij / np.maximum(count, 1)
-    suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=1, axis2=2) ** 2)
-    dead, axis = np.zeros((len(count), 3), bool), np.zeros((len(count), 3), np.intp)
+    covariance = np.zeros((len(count), len(block.stream.sensors), 3, 3))
+    with np.errstate(invalid="ignore"):
+        for i, j in _PAIRS:
+            covariance[..., i, j] = covariance[..., j, i] = _sums(steps[i] * steps[j], first) / np.maximum(count, 1)[:, None]
+    enough = count >= max(3.0, 0.5 * WINDOW * block.stream.rate)
+    known = enough[:, None] & np.isfinite(covariance).all(axis=(-2, -1))
+    covariance[~known] = 0.0
+    suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=-2, axis2=-1) ** 2)
+    dead, axis = np.zeros((*known.shape, 3), bool), np.zeros((*known.shape, 3), np.intp)
     if suspect.any():
         extent, directions = np.linalg.eigh(covariance[suspect])
         dead[suspect] = np.sqrt(np.maximum(extent, 0.0)) < STILL[quantity]
         axis[suspect] = np.abs(directions).argmax(axis=1)
-    return _Seen(dead, axis, known)
+    return [_Seen(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
 
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-def _sums(products: Array, first: NDArray[np.intp]) -> Array:
-    """Sums (6, seconds) over the samples of each second; a step into the next one does not count."""
-    inside = products.copy()
-    inside[:, np.clip(first[1:] - 1, 0, products.shape[1] - 1)] = 0.0
-    padded = np.concatenate([inside, np.zeros((6, 1))], axis=1)
-    sums = np.add.reduceat(padded, np.minimum(first[:-1], products.shape[1]), axis=1)
-    return np.asarray(np.where(np.diff(first) > 0, sums, 0.0))
+def _sums(values: Array, first: NDArray[np.intp]) -> Array:
+    """Sums (seconds, sensors) of values (n, sensors) over the samples of each second."""
+    padded = np.concatenate([values, np.zeros((1, values.shape[1]))])
+    sums = np.add.reduceat(padded, np.minimum(first[:-1], len(values)), axis=0)
+    return np.asarray(np.where((np.diff(first) > 0)[:, None], sums, 0.0))
 
 
-def _moves(block: Block, k: int, edges: Array) -> NDArray[np.bool_]:
-    rate = block.of(GYR)[:, k]
-    squares = np.nan_to_num((rate**2).sum(axis=1))
+def _moves(block: Block, edges: Array) -> NDArray[np.bool_]:
+    """Seconds (seconds, sensors) in which each sensor turned."""
     first = np.searchsorted(block.t, edges)
-    sums = np.add.reduceat(np.append(squares, 0.0), np.minimum(first[:-1], len(squares)))
-    return np.asarray((sums > MOVES**2 * np.maximum(np.diff(first), 1)) & (np.diff(first) > 0))
+    rate = np.moveaxis(block.of(GYR), -1, 0)
+    sums = _sums(np.nan_to_num(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2), first)
+    return np.asarray(sums > MOVES**2 * np.maximum(np.diff(first), 1)[:, None])
 
 
 def _finger(sensor: str) -> str:
