@@ -34,3 +34,4 @@ class Calibration:
     quality: Mapping[str, SensorQuality] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     north: Mapping[str, float] = field(default_factory=dict)  # rad, heading of magnetic north as each magnetometer saw it in the pose
+    rates: Mapping[str, float] = field(default_factory=dict)  # Hz, by stream: how fast its samples come where that is not the rate it names

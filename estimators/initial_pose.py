@@ -20,10 +20,12 @@ from estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Event
+from estimators.samples import ACC, GYR, MAG, Block, Event, Stream
 from estimators.sensor_fusion import complete, upright
+from estimators.time_base import measured_rates
 
 STANDARD_GRAVITY = 9.80665
+RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
 DEG = np.pi / 180
 
 
@@ -100,14 +102,26 @@ def calibrate(
     bias = {name: s.mean[:3] for name, s in still.items()}
     quality = {name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name]) for name, q in quality.items()}
     start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
-    warnings, north = _warnings(still, mounting, q_GS, pose), _norths(q_GS, [b.between(start, end) for b in blocks])
-    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, "initial pose", quality, warnings, north)
+    rates = measured_rates(b.between(pose.onset, pose.end) for b in blocks)
+    warnings = (*_warnings(still, mounting, q_GS, pose), *rate_warnings(rates, [b.stream for b in blocks]))
+    north = _norths(q_GS, [b.between(start, end) for b in blocks])
+    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, "initial pose", quality, warnings, north, rates)
 
 
 def uncalibrated(hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], sensors: Sequence[str], t: float) -> Calibration:
     """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
     nominal = {s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors if s in SEGMENTS}
     return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
+
+
+def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tuple[str, ...]:
+    """A sentence for each stream whose samples come clearly faster or slower than it says."""
+    named = {s.name: s.rate for s in streams}
+    return tuple(
+        f"{name}: its samples come at {rate:.4g} Hz and not at {named[name]:.4g} as it says; they are counted as they come"
+        for name, rate in rates.items()
+        if abs(rate / named[name] - 1.0) > RATE_DOUBT
+    )
 
 
 def _norths(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:

@@ -14,9 +14,11 @@ from estimators.finding import Finding, whole_streams
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.run import run
 from estimators.samples import MAG, Block, Event, Recording, join
+from estimators.time_base import measured_rates
 from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
 
 WITHOUT_POSE = "the recording has no initial_pose event"
+BEGINNING = 3.0  # s of samples that tell a rate where there is no pose
 WORTH_SAYING = 0.0005  # share of flagged samples that prints as 0.1 %
 
 
@@ -123,8 +125,10 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
 
 def _without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
     sensors = [s for stream in recording.streams if stream.inertial for s in stream.sensors]
-    start = min((float(b.t[0]) for b in recording.blocks() if b.stream.inertial and len(b.t)), default=0.0)
-    return [initial_pose.uncalibrated(recording.hand, recording.geometry, recording.mounting, sensors, start)], []
+    start, beginning = _beginning(recording)
+    rates = measured_rates(beginning)
+    known = initial_pose.uncalibrated(recording.hand, recording.geometry, recording.mounting, sensors, start)
+    return [replace(known, rates=rates, warnings=initial_pose.rate_warnings(rates, recording.streams))], []
 
 
 def _require_magnetometers(params: Any, recording: Recording) -> None:
@@ -139,12 +143,23 @@ def _poses(events: Sequence[Event]) -> list[Event]:
 
 def _from_pose(params: Any, recording: Recording, event: Event) -> Calibration:
     pose = initial_pose.pose_of(event)
+    window = _window(recording, pose.onset, pose.end)
+    return initial_pose.calibrate(params, recording.hand, recording.geometry, recording.mounting, window, pose)
+
+
+def _window(recording: Recording, start: float, stop: float) -> list[Block]:
+    """The samples between two instants, one block a stream."""
     parts: dict[str, list[Block]] = {}
     for block in recording.blocks():
-        if len((part := block.between(pose.onset, pose.end)).t):
+        if len((part := block.between(start, stop)).t):
             parts.setdefault(block.stream.name, []).append(part)
-    window = [join(p) for p in parts.values()]
-    return initial_pose.calibrate(params, recording.hand, recording.geometry, recording.mounting, window, pose)
+    return [join(p) for p in parts.values()]
+
+
+def _beginning(recording: Recording) -> tuple[float, list[Block]]:
+    """When the inertial samples begin (s), and the first of them, one block a stream."""
+    start = min((float(b.t[0]) for b in recording.blocks() if b.stream.inertial and len(b.t)), default=0.0)
+    return start, [b for b in _window(recording, start, start + BEGINNING) if b.stream.inertial]
 
 
 def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) -> list[Calibration]:
@@ -159,13 +174,8 @@ def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) 
             )
             for c in own
         ]
-    first: dict[str, Block] = {}
-    for block in recording.blocks():
-        if block.stream.inertial and len(block.t):
-            first.setdefault(block.stream.name, block)
-    start = min(float(b.t[0]) for b in first.values())
-    beginning = [b.between(start, start + 0.5) for b in first.values()]
-    q_GS = initial_pose.reoriented(other, beginning)
+    start, beginning = _beginning(recording)
+    q_GS, rates = initial_pose.reoriented(other, [b.between(start, start + 0.5) for b in beginning]), measured_rates(beginning)
     warning = f"{WITHOUT_POSE}: headings assume that it begins in the pose of the calibration recording"
     return [
         replace(
@@ -175,7 +185,8 @@ def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) 
             q_GS=q_GS,
             geometry=recording.geometry,
             source="another recording",
-            warnings=(*other.warnings, warning),
+            warnings=(*other.warnings, *initial_pose.rate_warnings(rates, recording.streams), warning),
+            rates=rates,
         )
     ]
 

@@ -112,7 +112,8 @@ def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Tra
 
 def _sensors(params: Params, calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
     north = calibration.north if params.MAGNETOMETER else {}
-    return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north)
+    rate = calibration.rates.get(stream.name)
+    return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north, rate)
 
 
 def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:

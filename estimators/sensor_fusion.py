@@ -95,6 +95,7 @@ class SensorState:
 class StreamState:
     stream: Stream
     sensors: tuple[SensorState, ...]
+    period: float  # s, between samples as they come
     t: float = -np.inf  # newest sample seen
     held: Block | None = None  # samples that wait until a gap at their end is over
     held_sampled: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
@@ -117,11 +118,15 @@ def start(
     biases: Mapping[str, Array],
     known_until: float = np.inf,
     norths: Mapping[str, float] | None = None,
+    rate: float | None = None,
 ) -> StreamState:
-    """Begin with known orientations q_GS (4,), gyroscope biases (3,) and headings of magnetic north by sensor; what is not known starts from gravity."""
+    """Begin with known orientations q_GS (4,), gyroscope biases (3,) and headings of magnetic north by sensor; what is not known starts from gravity.
+
+    `rate` (Hz) is that at which samples come, where it is not the one that the stream names.
+    """
     known = norths or {}
     sensors = (SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s)) for s in stream.sensors)
-    return StreamState(stream, tuple(sensors))
+    return StreamState(stream, tuple(sensors), 1.0 / (rate or stream.rate))
 
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
@@ -162,17 +167,17 @@ def _advance(
     sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
     flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
     for k, sensor in enumerate(state.sensors):
-        after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, block, whole[:, k], k, count)
+        after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, state.period, block, whole[:, k], k, count)
         flags[:, k] |= more
         sensors.append(after)
     newest = float(block.t[-1]) if len(block.t) else state.t
-    after_all = StreamState(state.stream, tuple(sensors), newest, held if len(held.t) else None, sampled[count:])
+    after_all = StreamState(state.stream, tuple(sensors), state.period, newest, held if len(held.t) else None, sampled[count:])
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
 
 
 def _with_missing_instants(params: FusionParams, state: StreamState, block: Block) -> tuple[Block, NDArray[np.bool_]]:
     """Put rows of NaN where the stream's clock says that samples are missing; the mask tells the others."""
-    period = 1.0 / state.stream.rate
+    period = state.period
     previous = np.concatenate([[state.t], block.t[:-1]])
     jump = block.t - previous
     jump[np.isinf(jump)] = period
@@ -227,7 +232,7 @@ def _before_last_gap(params: FusionParams, sensor: SensorState, t: Array, good: 
 
 
 def _fuse(
-    params: FusionParams, sensor: SensorState, block: Block, whole: NDArray[np.bool_], k: int, count: int
+    params: FusionParams, sensor: SensorState, period: float, block: Block, whole: NDArray[np.bool_], k: int, count: int
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
     """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
     q_GS, flags, doubt = np.full((count, 4), np.nan), np.zeros(count, np.uint8), np.empty(count)
@@ -237,9 +242,9 @@ def _fuse(
             sensor = replace(sensor, lost=bool(sensor.lost or late), doubt=sensor.doubt + (LOST_DOUBT if late else 0.0))
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
             sensor = replace(sensor, doubt=float(doubt[last - 1]))
-            sensor, q_GS[first:last] = _filter(params, sensor, block, filled, first, last)
+            sensor, q_GS[first:last], disturbed = _filter(params, sensor, period, block, filled, first, last)
             fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
-            flags[first:last] = _headless(sensor, fresh)
+            flags[first:last] = _headless(sensor, fresh) | np.uint8(Flag.MAGNETIC) * disturbed
             sensor = replace(sensor, lost=bool(sensor.lost and not fresh[-1]), northed=bool(sensor.northed or fresh[-1]))
         else:
             begins = not sensor.absent and sensor.q_GS is not None
@@ -302,9 +307,12 @@ def _or_nan(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Array, first: int, last: int) -> tuple[SensorState, Array]:
+def _filter(
+    params: FusionParams, sensor: SensorState, period: float, block: Block, samples: Array, first: int, last: int
+) -> tuple[SensorState, Array, NDArray[np.bool_]]:
+    """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
     vqf = VQF(
-        1.0 / block.stream.rate,
+        period,
         tauAcc=params.tau_acc,
         motionBiasEstEnabled=params.motion_bias,
         restBiasEstEnabled=params.rest_bias,
@@ -317,7 +325,10 @@ def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Ar
     vqf.state = dict(_filter_start(vqf.state, sensor, samples[0]))
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
-    q_GS = vqf.updateBatch(gyr, acc)["quat6D"] if not _has_north(sensor, samples) else _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+    if _has_north(sensor, samples):
+        q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
+    else:
+        q_GS, disturbed = vqf.updateBatch(gyr, acc)["quat6D"], np.zeros(last - first, bool)
     before, before_t = (samples[-2, :6].copy(), float(block.t[last - 2])) if last - first > 1 else (sensor.last, sensor.last_t)
     after = replace(
         sensor,
@@ -329,22 +340,28 @@ def _filter(params: FusionParams, sensor: SensorState, block: Block, samples: Ar
         q_GS=q_GS[-1].copy(),
         absent=False,
     )
-    return after, q_GS
+    return after, q_GS, disturbed & params.mag_rejection
 
 
-def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> Array:
-    """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on."""
+def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Orientations (n, 4) with the heading that the magnetometer keeps; where its samples are missing the gyroscope carries it on.
+
+    And where its field is not the one that the filter has learnt (n,): before it has learnt one nothing is said.
+    """
     known = every(np.isfinite(mag))
     cuts = [0, *(np.flatnonzero(known[1:] != known[:-1]) + 1), len(mag)]
-    pieces = []
+    pieces, disturbed, learnt = [], np.zeros(len(mag), bool), vqf.state["magRefNorm"] > 0
     for first, last in itertools.pairwise(cuts):
         if known[first]:
-            pieces.append(vqf.updateBatch(gyr[first:last], acc[first:last], np.ascontiguousarray(mag[first:last] * 1e6))["quat9D"])
+            fused = vqf.updateBatch(gyr[first:last], acc[first:last], np.ascontiguousarray(mag[first:last] * 1e6))
+            pieces.append(fused["quat9D"])
+            disturbed[first:last] = fused["magDistDetected"] & (learnt | _from_first(~fused["magDistDetected"]))
+            learnt = vqf.state["magRefNorm"] > 0
         else:
             delta = vqf.state["delta"]
             pieces.append(quat.headed(vqf.updateBatch(gyr[first:last], acc[first:last])["quat6D"], delta))
     q_GS = np.concatenate(pieces)
-    return q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)
+    return (q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)), disturbed
 
 
 def _midway(sensor: SensorState, gyr: Array) -> Array:

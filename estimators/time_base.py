@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from estimators import quaternions as quat
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.quaternions import Array
-from estimators.samples import Stream
+from estimators.samples import Block, Stream
 from estimators.sensor_fusion import Oriented
 from estimators.trajectory import Flag
+
+NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degree
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,23 @@ def release(state: State, patience: float) -> tuple[State, Rows]:
 def finish(state: State) -> tuple[State, Rows]:
     """Give out all rows: nothing more will come."""
     return _give(state, 0.0)
+
+
+def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
+    """Rates (Hz) by stream at which samples come, where they differ from the named ones by more than NOTICED; one block a stream, at least a second.
+
+    A line through the samples' times against their numbers: jitter hardly turns it, and missing samples are counted by the named period.
+    """
+    found = {}
+    for block in blocks:
+        rate, t = block.stream.rate, block.t
+        if block.stream.inertial and len(t) > max(10.0, rate) and t[-1] - t[0] > 1.0:
+            steps = np.diff(t) * rate
+            numbers = np.concatenate([[0.0], np.cumsum(np.rint(steps))]) if 0.8 < np.median(steps) < 1.25 else np.arange(len(t))
+            measured = float(1.0 / np.polynomial.polynomial.polyfit(numbers, t - t[0], 1)[1])
+            if abs(measured / rate - 1.0) > NOTICED:
+                found[block.stream.name] = measured
+    return found
 
 
 def join(pieces: list[Rows]) -> Rows:

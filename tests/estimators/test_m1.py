@@ -12,7 +12,7 @@ from estimators.processing import process
 from estimators.samples import Block
 from estimators.simulation.magnetic_field import homogeneous
 from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL
+from estimators.simulation.sensors import IDEAL, SensorErrors
 from estimators.trajectory import Flag, Trajectory
 from tests.simulated import DEG
 
@@ -40,6 +40,19 @@ def test_a_heading_that_no_magnetometer_has_given_yet_is_flagged_row_by_row() ->
     np.testing.assert_array_equal(whole.flags, cut.flags)
     unknown = (cut.flags[:, SEGMENT["index_distal"]] & Flag.UNCALIBRATED) != 0
     np.testing.assert_array_equal(unknown, cut.t < 6.0 - 1e-9)
+
+
+def test_a_field_that_is_not_the_one_learnt_is_flagged_while_it_lasts_and_only_there() -> None:
+    made = simulate(
+        ("initial_pose", "rom_fist", "rom_fist"), "left", sized("left"), np.random.default_rng(1), SensorErrors(), field=homogeneous()
+    )
+    mag = made.samples["mag"]
+    beside_iron = (mag.t > 30.0) & (mag.t < 36.0)
+    values = mag.values + np.where(beside_iron[:, None, None], [30e-6, -20e-6, 10e-6], 0.0)
+    moved = process(m1, m1.Params(), replace(made, samples={**made.samples, "mag": Block(mag.stream, mag.t, values)})).trajectory
+    flagged = (moved.flags[:, SEGMENT["index_distal"]] & Flag.MAGNETIC) != 0
+    assert flagged[(moved.t > 31.0) & (moved.t < 36.0)].all()
+    assert not flagged[(moved.t < 30.0) | (moved.t > 38.0)].any()
 
 
 def test_before_the_pose_magnetometers_count_too() -> None:

@@ -61,6 +61,15 @@ def test_the_pose_may_come_from_another_recording() -> None:
     assert any("begins in the pose" in w for w in done.warnings)
 
 
+@pytest.mark.parametrize("named", [94.0, 103.0])
+def test_a_rate_that_the_recording_names_wrongly_is_measured_and_said(named: float) -> None:
+    recording = pose_and_wiggle("left")
+    wrong = {name: Block(replace(b.stream, rate=named), b.t, b.values) for name, b in recording.samples.items()}
+    done = process(m2, PARAMS, with_samples(recording, wrong))
+    assert np.nanmax(np.abs(done.trajectory.angles - recording.truth.angles)) < 0.5 * DEG
+    assert any(f"come at 100 Hz and not at {named:g}" in w for w in done.warnings)
+
+
 def test_a_pose_of_the_other_hand_is_refused() -> None:
     with pytest.raises(InputError, match="right hand, the recording of the left"):
         process(m2, PARAMS, _without_pose(pose_and_wiggle("left")), pose_and_wiggle("right"))

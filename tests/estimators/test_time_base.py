@@ -6,7 +6,7 @@ import pytest
 from estimators import quaternions as quat
 from estimators import time_base
 from estimators.hand_anatomy import SEGMENT
-from estimators.samples import ACC, GYR, MAG, Stream
+from estimators.samples import ACC, GYR, MAG, Block, Stream
 from estimators.sensor_fusion import Oriented
 from estimators.trajectory import Flag
 from tests.simulated import DEG
@@ -136,3 +136,20 @@ def test_nothing_is_kept_but_what_later_rows_need() -> None:
         state, _ = time_base.step(state, FOREARM, _turning(FOREARM, k, k + 1))
     assert sum(len(w.data.t) for w in state.waiting.values()) < 10
     assert abs(quat.twist(state.waiting["hand"].data.q_GS[-1, 0], 2)) <= 180 * DEG
+
+
+@pytest.mark.parametrize("share", [0.98, 0.9985, 1.01, 1.6])
+def test_the_rate_at_which_samples_come_is_measured_in_spite_of_jitter_and_loss(share: float) -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(1000) / (100.0 * share)
+    kept = rng.random(1000) > 0.05 if share < 1.25 else np.ones(1000, bool)
+    t = np.sort(t[kept] + rng.uniform(-5e-4, 5e-4, kept.sum()))
+    stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
+    found = time_base.measured_rates([Block(stream, t, np.zeros((len(t), 1, 6)))])
+    assert found["imu"] == pytest.approx(100.0 * share, rel=2e-4)
+
+
+def test_a_rate_that_is_what_it_says_is_left_alone() -> None:
+    t = 7.0 + np.arange(300) / 100.0 + np.random.default_rng(3).uniform(-5e-4, 5e-4, 300)
+    stream = Stream("imu", ("hand",), (GYR, ACC), 100.0)
+    assert time_base.measured_rates([Block(stream, t, np.zeros((300, 1, 6)))]) == {}
