@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators import initial_pose, mounting_checks, sensor_checks, trajectory
+from estimators import full_scales, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import Finding, whole_streams
@@ -41,11 +41,14 @@ def process(
 ) -> Processed:
     """Run a method over a recording; `progress` hears the share done, 0 to 1. InputError where the recording cannot be calibrated."""
     _require_magnetometers(params, recording)
+    told_scales = _limits_known(recording)
+    if scales := full_scales.found(_whole(recording)):
+        recording = full_scales.Scaled(recording, scales)
     calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
     moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
     findings = findings_of(recording, calibrations)
     flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
-    told = [f.said for f in findings if f.kind != "saturated" or not _limits_known(recording)]
+    told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
     said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
     return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings)
 
@@ -64,6 +67,8 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
 
 def _whole(recording: Recording) -> list[Block]:
     """One block a stream; a recording that has them so is not copied."""
+    if isinstance(recording, full_scales.Scaled):
+        return [recording.scaled(b) for b in _whole(recording.recording)]
     streams = getattr(recording, "samples", None)
     return [b for b in (whole_streams(list(recording.blocks())) if streams is None else streams.values()) if len(b.t)]
 

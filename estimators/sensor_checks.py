@@ -3,25 +3,23 @@
 In      samples of all streams, one block each; a stretch at rest
 Out     Findings; nothing for a healthy sensor
 Source  limits from data sheets (MPU-9250 specification rev. 1.0, tables 1-3; LSM330DLC), the Earth's field from the IGRF; rules ours
-Limits  those of standstill.py; clipping is found without a known full scale only at three equal samples in a row
+Limits  those of standstill.py and full_scales.py
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estimators import standstill
+from estimators import full_scales, standstill
 from estimators.finding import Finding
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block
+from estimators.samples import ACC, GYR, MAG, SATURATION, Block, some
 from estimators.standstill import WORDS, runs
 
 G = 9.80665
 GRAVITY_DOUBT, GRAVITY_FAULT = 0.5, 1.0  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
 BIAS_DOUBT, BIAS_FAULT = 10.0, 20.0  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
 FIELD = (15e-6, 100e-6)  # T, the Earth's is 22 to 67 uT (IGRF), half as much again for a building
-LEAST_LIMIT = {GYR: np.radians(240.0), ACC: 1.9 * G}  # smallest full scales: 250 deg/s, 2 g
 
 
 def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
@@ -33,29 +31,15 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
 
 
 def _clipped(block: Block, quantity: str) -> list[Finding]:
-    """Sensors at their limit, by the known full scale or, without one, by equal largest samples in a row."""
-    found, known = [], quantity in block.stream.full_scale
-    at_limit = block.at_limit(quantity)
+    """Sensors at their limit, by the known full scale or, without one, by largest readings that repeat."""
+    limit = full_scales.limits(block, quantity)
+    hit, found = some(np.abs(block.of(quantity)) >= SATURATION * limit[:, None]), []
     for k, sensor in enumerate(block.stream.sensors):
-        hit = at_limit[:, k] if known else _plateaus(np.abs(block.of(quantity)[:, k]), LEAST_LIMIT[quantity])
-        if hit.any():
-            spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit))
+        if hit[:, k].any():
+            spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit[:, k]))
             sentence = f"its {WORDS[quantity]} was at its limit {len(spans)} times, first at {spans[0][0]:.1f} s"
             found.append(Finding(sensor, "saturated", sentence, "set a larger range, or repeat the movement more slowly", "warning", spans))
     return found
-
-
-def _plateaus(size: Array, least: float) -> NDArray[np.bool_]:
-    """Samples (n,) of three axes (n, 3) that equal the axis's largest value three times in a row."""
-    hit = np.zeros(len(size), bool)
-    largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
-    if (largest < least).all():
-        return hit
-    top = (size >= least) & (size == largest)
-    for axis in top.T:
-        for a, b in runs(axis):
-            hit[a:b] |= b - a >= 3
-    return hit
 
 
 def _at_rest(block: Block) -> list[Finding]:
