@@ -80,7 +80,7 @@ def test_the_hands_proportions_are_those_of_the_code() -> None:
     fingers = ("thumb", "index", "middle", "ring", "little")
     assert rows["proximal : middle (thumb: proximal : distal)"] == [f"{RATIOS[f][0]:.2f}" for f in fingers]
     assert rows["middle : distal"] == ["", *(f"{RATIOS[f][1]:.2f}" for f in fingers[1:])]
-    assert rows["95 % CI"] == ["", *(f"{RATIO_CI95[f]:.3f}" for f in fingers[1:])]
+    assert rows["95 % CI"] == ["", *(", ".join(f"{ci:.3f}" for ci in RATIO_CI95[f]) for f in fingers[1:])]
     assert rows["tissue at the tip"] == [f"{1e3 * TIP_TISSUE[f]:.2f}, {1e3 * TIP_TISSUE_SD[f]:.2f}" for f in fingers]
     assert rows["finger"] == [f"{FINGER_LENGTH[f]:.3f}" for f in fingers]
     assert rows["MCP from the wrist distally"] == ["", *(f"{MCP_DISTAL[f]:.3f}" for f in fingers[1:])]
