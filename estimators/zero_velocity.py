@@ -1,0 +1,22 @@
+"""Whether a sensor stands still: generalized likelihood ratio test on a short window of accelerations and angular rates.
+
+Source  Skog, Handel, Nilsson & Rantakokko 2010, IEEE Trans Biomed Eng 57:2657 (SHOE); Kortier's thesis 2.2.4 and 5.2.2 use it
+Limits  a movement at constant velocity without a turn looks like a standstill; a hand that trembles more than the limits never stands still
+"""
+
+import numpy as np
+
+from estimators.quaternions import Array
+
+GRAVITY = 9.80665
+
+
+def likelihood_ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float) -> float:
+    """The test's statistic of a window: rates gyr (n, 3) rad/s without bias, specific forces acc (n, 3) m/s^2; below one (ours) it stands still.
+
+    The mean over the window of |a - g u|^2 / acc_sd^2 + |w|^2 / gyr_sd^2 with u the direction of the mean of a.
+    """
+    mean = acc.mean(axis=0)
+    up = mean / max(float(np.sqrt(mean @ mean)), 1e-9)
+    off, rate = acc - GRAVITY * up, gyr
+    return float((off * off).sum() / acc_sd**2 + (rate * rate).sum() / gyr_sd**2) / len(acc)
