@@ -31,6 +31,7 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
 from estimators.initial_pose import DEG, Pose
+from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.simulation.tasks import POSE_THUMB
 from estimators.trajectory import Trajectory
@@ -38,6 +39,7 @@ from sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
 TICK = 0.1  # s
+TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
 DRAWN = 1 / 60  # s, least time between two pictures of the scene
 FLOWING = 0.5  # s without a sample that count as silence
 MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
@@ -180,7 +182,13 @@ class Station:
             if rows is not None and rows is not self._shown:
                 self._drawn, self._shown = time.monotonic(), rows
                 self.scene.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
+                self.scene.trail(self._trail())
                 self.scene.flush()
+
+    def _trail(self) -> Array:
+        """The hand's path of the last seconds, where it went anywhere."""
+        places = self.tracking.trail(TRAIL)
+        return places if len(places) and np.ptp(places, axis=0).max() > MOVED else places[:0]
 
     def _now(self) -> Facts:
         """The facts of the last tick at this moment: looking at every sensor again for every viewer would cost a core."""

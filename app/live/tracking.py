@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from estimators import initial_pose, mounting_checks, sensor_checks, trajectory
+from estimators import hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.hand_anatomy import Hand
+from estimators.hand_filter import HandFilterParams, HandPath
 from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.quaternions import Array
@@ -27,6 +28,7 @@ log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held
 PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
+PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 PATIENCE = 0.1  # s that a silent strip is waited for
 
 
@@ -64,6 +66,8 @@ class Tracking:
         self._state: Any = None
         self._samples: dict[str, deque[Block]] = {}
         self._poses: deque[Trajectory] = deque()
+        self._path_state: hand_filter.State | None = None
+        self._path: deque[HandPath] = deque()
 
     def __enter__(self) -> "Tracking":
         self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
@@ -124,6 +128,15 @@ class Tracking:
             pieces = [p for p in self._poses if len(p) and p.t[-1] >= start and p.t[0] < stop]
         return trajectory.join(pieces, self.hand).between(start, stop)
 
+    def trail(self, seconds: float) -> Array:
+        """Where the hand has been in the last seconds (n, 3) m in the global frame, seen from where it is now; oldest first."""
+        with self._lock:
+            pieces = [p for p in self._path if p.t[-1] >= self._path[-1].t[-1] - seconds]
+        if not pieces:
+            return np.empty((0, 3))
+        t, places = np.concatenate([p.t for p in pieces]), np.concatenate([p.p for p in pieces])
+        return np.asarray(places[t >= t[-1] - seconds] - places[-1])
+
     def drain(self) -> None:
         """Give out what the method still holds back: nothing more will come."""
         with self._lock:
@@ -169,6 +182,7 @@ class Tracking:
         for block in blocks:
             self._state, piece = self.method.step(self.params, self._state, block)
             pieces.append(piece)
+            self._follow(block)
         self._state, late = self.method.release(self.params, self._state, self._patience)
         pieces = [p for p in (*pieces, late) if len(p)]
         if not pieces:
@@ -179,8 +193,19 @@ class Tracking:
             self._poses.popleft()
         return rows
 
+    def _follow(self, block: Block) -> None:
+        """Take the hand's path on."""
+        if self._path_state is not None:
+            self._path_state, piece = hand_filter.step(HandFilterParams(), self._path_state, block)
+            if len(piece):
+                self._path.append(piece)
+                while self._path[0].t[-1] < piece.t[-1] - PAST_PATH:
+                    self._path.popleft()
+
     def _begin(self, calibration: Calibration) -> None:
         self.calibration = calibration
+        self._path_state = hand_filter.start(HandFilterParams(), calibration)
+        self._path.clear()
         self._state = self.method.start(self.params, calibration, self._streams())
         past = sorted((b for blocks in self._samples.values() for b in blocks), key=lambda b: b.t[-1])
         later = [b.between(calibration.t, np.inf) for b in past]

@@ -47,6 +47,14 @@ class HandScene:
             self._own = DrawnHand(self._server, "/hand", self._mesh.parts(), self._mesh.rest, scale)
             self._ghost = DrawnHand(self._server, "/ghost", {}, self._mesh.rest, scale)
             self._paint()
+            self._trail = self._server.scene.add_line_segments(
+                "/trail",
+                np.zeros((view.TRAIL, 2, 3), np.float32),
+                palette.trail(view.TRAIL),
+                thickness=5.0,
+                thickness_units="screen",
+                visible=False,
+            )
             self._caption = self._server.scene.add_label(
                 "/caption", "", position=_CAPTION_AT, visible=False, font_screen_scale=1.7, anchor="bottom-center"
             )
@@ -107,6 +115,14 @@ class HandScene:
             if angles is not None:
                 self._draw(self._ghost, angles)
                 self._ghost.turn(view.forearm_level(postures.filled(angles), self._hand) if self._ghost_is_whole else self._q_DH)
+
+    def trail(self, places: Array) -> None:
+        """Draw where the hand has been: places (n, 3) m in the global frame, seen from where it is now, oldest first; fewer than two draw nothing."""
+        with self._lock, self._server.atomic():
+            self._trail.visible = len(places) > 1 and self._q_DG is not None
+            if len(places) > 1 and self._q_DG is not None:
+                back = quat.rotate(self._q_DH, view.back_of_hand(self._geometry))
+                self._trail.points = view.trail(quat.rotate(self._q_DG, places) * view.units_per_metre(self._geometry) + back)
 
     def highlight(self, segment: str | None) -> None:
         """Light the skin of one segment of hand_anatomy.SEGMENTS, or none."""

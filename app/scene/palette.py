@@ -5,6 +5,9 @@ Source  accents from Okabe & Ito 2008, Color Universal Design
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 Colour = tuple[int, int, int]
 
 
@@ -26,3 +29,12 @@ HIGHLIGHT = Paint((0, 92, 175))
 INK: Colour = (40, 48, 58)
 GROUND: Colour = (206, 212, 218)
 GROUND_SECTION: Colour = (184, 192, 200)
+TRAIL: Colour = (0, 114, 178)
+FADED: Colour = (222, 228, 234)
+
+
+def trail(pieces: int) -> NDArray[np.uint8]:
+    """Colours (pieces, 2, 3) of a line that fades towards its old end."""
+    share = np.linspace(0.0, 1.0, pieces + 1)[:, None]
+    colours = np.rint((1 - share) * np.array(FADED) + share * np.array(TRAIL)).astype(np.uint8)
+    return np.stack([colours[:-1], colours[1:]], axis=1)

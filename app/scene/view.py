@@ -19,6 +19,8 @@ FIELD_OF_VIEW = np.radians(28.0)
 NARROW = 0.23  # tangent of half the horizontal field of view that a spread hand needs
 NEAR, FAR = 0.2, 20.0
 GROUND = -1.35
+TRAIL = 40  # pieces of line that show where the hand has been
+_THICKNESS = 0.16  # from the hand's middle plane to its back, scene units
 _UPRIGHT = 0.35  # fingers that point up or down give no heading: horizontal part of their direction below which the hand's back gives it
 
 
@@ -41,6 +43,19 @@ def palm_down(hand: Hand) -> Array:
 def forearm_level(angles: Array, hand: Hand) -> Array:
     """Orientation q_DH (4,) of a hand with joint angles (joints, 3) whose forearm lies level, palm down, and points away from the viewer."""
     return quat.multiply(palm_down(hand), joint_angles.compose(angles[JOINT["wrist"]]))
+
+
+def back_of_hand(geometry: HandGeometry) -> Array:
+    """Where the hand's sensor sits (3,) in the hand's frame, scene units from the wrist."""
+    middle = 0.5 * np.array(geometry.joint_positions["middle_mcp"]) * units_per_metre(geometry)
+    return np.asarray(middle + side_sign(geometry.hand) * np.array([_THICKNESS, 0.0, 0.0]))
+
+
+def trail(places: Array) -> Array:
+    """Places (n, 3) along a path as TRAIL pieces of line (TRAIL, 2, 3), evenly spaced in time."""
+    at = np.linspace(0, len(places) - 1, TRAIL + 1)
+    points = np.column_stack([np.interp(at, np.arange(len(places)), c) for c in places.T]).astype(np.float32)
+    return np.stack([points[:-1], points[1:]], axis=1)
 
 
 def heading_removed(q_GH: Array, hand: Hand) -> Array:

@@ -60,6 +60,18 @@ def test_what_was_shown_live_is_bit_for_bit_what_a_batch_run_gives() -> None:
         np.testing.assert_array_equal(getattr(shown, name), getattr(batch, name), err_msg=name)
 
 
+def test_the_trail_is_the_path_of_the_last_seconds_seen_from_where_the_hand_is() -> None:
+    recording = in_strips("left")
+    tracking, _ = live()
+    with tracking:
+        assert len(tracking.trail(1.0)) == 0
+        play(tracking, dict(recording.samples), initial_pose.pose_of(recording.events[0]))
+        trail = tracking.trail(1.0)
+    assert len(trail) == pytest.approx(100, abs=2)
+    np.testing.assert_array_equal(trail[-1], 0.0)
+    assert 0 < np.ptp(trail, axis=0).max() < 0.05  # fingers wiggle, the hand stays
+
+
 def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
     tracking, _ = live()  # not entered: nothing takes the blocks out
     block = next(iter(in_strips("left").samples.values())).between(0.0, 0.02)

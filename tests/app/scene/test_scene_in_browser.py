@@ -49,6 +49,7 @@ def plain(scene: HandScene, right_scene: HandScene) -> None:
         each.ghost(None)
         each.highlight(None)
         each.caption("")
+        each.trail(np.empty((0, 3)))
         each.show(postures.relaxed(), view.palm_down(each._hand))
 
 
@@ -168,6 +169,19 @@ def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: 
     scene.show(postures.angles_of(tasks.flat()), quat.multiply(quat.about(1, np.pi), level))
     thumb = np.nonzero(flat.skin)[1].max() - QUICK[0] / 2
     seen(page, lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb, tmp_path / "palm-up.png")
+
+
+def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    line = lambda p: (p.rgb[..., 2] > p.rgb[..., 0] + 60) & (p.rgb[..., 2] > 120)  # noqa: E731
+    seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
+    angle = np.linspace(0.0, 1.5 * np.pi, 200)
+    circle = 0.05 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    scene.trail(circle - circle[-1])
+    drawn = seen(page, lambda p: line(p).sum() > 200, tmp_path / "trail.png")
+    rows, columns = np.nonzero(line(drawn))
+    assert np.ptp(columns) > 60 and np.ptp(rows) > 25  # three quarters of a circle, seen from above
+    scene.trail(circle[:0])
+    seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
 
 
 def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tmp_path: Path) -> None:
