@@ -50,6 +50,16 @@ def found(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
     return seen
 
 
+def told(samples: Mapping[str, Block]) -> dict[str, Block]:
+    """The same samples by stream, their streams telling the full scales that were found."""
+    scales = found(samples.values())
+    return {n: replace(b, stream=_telling(b.stream, scales)) for n, b in samples.items()}
+
+
+def _telling(stream: Stream, scales: Mapping[str, Mapping[str, float]]) -> Stream:
+    return replace(stream, full_scale={**stream.full_scale, **scales.get(stream.name, {})})
+
+
 @dataclass(frozen=True)
 class Scaled:
     """A recording whose streams tell the full scales that were found."""
@@ -71,7 +81,7 @@ class Scaled:
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        return tuple(self._told(s) for s in self.recording.streams)
+        return tuple(_telling(s, self.scales) for s in self.recording.streams)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -86,7 +96,4 @@ class Scaled:
 
     def scaled(self, block: Block) -> Block:
         """The same samples of a stream that tells its full scales."""
-        return replace(block, stream=self._told(block.stream))
-
-    def _told(self, stream: Stream) -> Stream:
-        return replace(stream, full_scale={**stream.full_scale, **self.scales.get(stream.name, {})})
+        return replace(block, stream=_telling(block.stream, self.scales))

@@ -17,6 +17,7 @@ from app.devices.virtual_glove.faults import FaultParams, Faults
 from app.devices.virtual_glove.firmware import Build, Firmware
 from app.devices.virtual_glove.flash import Flash, delivered
 from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
+from estimators import full_scales
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import sized
@@ -90,7 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.replay:
-        return Playback(formats.load(arguments.replay, arguments.hand))
+        recording = formats.load(arguments.replay, arguments.hand)
+        return Playback(replace(recording, samples=full_scales.told(recording.samples)))  # live then bridges what batch does
     hand: Hand = arguments.hand or "left"
     strips = ALL_STRIPS if arguments.strips == "all" else () if arguments.strips == "none" else tuple(arguments.strips.split(","))
     common, single = _rates(arguments.rate)

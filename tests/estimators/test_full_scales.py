@@ -64,3 +64,13 @@ def test_clipped_rates_are_bridged_as_if_the_full_scale_had_been_told() -> None:
     np.testing.assert_array_equal(moved.angles, reference.angles)
     assert ((moved.flags & Flag.SATURATED) != 0).any()
     assert np.nanmax(np.abs(moved.angles - made.truth.angles)) < 2.0 * DEG
+
+
+def test_samples_tell_what_was_found_and_keep_what_they_told() -> None:
+    block = _block(_swinging(750.0))
+    clipped = replace(
+        block, values=np.clip(block.values, -np.radians(500.0), np.radians(500.0)), stream=replace(STREAM, full_scale={ACC: 78.0})
+    )
+    (told,) = full_scales.told({"imu": clipped}).values()
+    assert told.stream.full_scale == {ACC: 78.0, GYR: pytest.approx(np.radians(500.0))}
+    assert told.at_limit(GYR)[:, 1].mean() > 0.3
