@@ -58,7 +58,7 @@ def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
         sized(said, measures_from(_merged(systems, "HandGeometry"))),
         _mounting(_merged(systems, "SensorMounting")),
         samples,
-        _events(files, inside),
+        events_of(files, inside),
         tuple(warnings),
         checksum=checksum(files),
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
@@ -146,7 +146,7 @@ def _block(system: System, files: Files, warnings: list[str]) -> Block | None:
     table = numbers(files[system.path](), name, len(system.channels))
     if not len(table):
         raise InputError(f"{name} has 0 samples; there is nothing to process")
-    t, rate = _times(system, table, name, warnings)
+    t, rate = times_of(system, table, name, warnings)
     points = [p for p in TRACKED_POINTS if any(point == p for point, _, _ in wanted)]
     quantities = [q for q in (GYR, ACC, MAG, FORCE) if any(kind == q for _, kind, _ in wanted)]
     values = np.full((len(table), len(points), 3 * len(quantities)), np.nan)
@@ -204,7 +204,7 @@ def _factor(system: System, channel: dict[str, str], kind: str) -> float:
     return known[channel["units"]]
 
 
-def _times(system: System, table: Array, name: str, warnings: list[str]) -> tuple[Array, float]:
+def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tuple[Array, float]:
     """Time stamps (n,) and rate: LATENCY where there is one, else the sampling frequency told."""
     told = system.sidecar.get("SamplingFrequency")
     rate = float(told) if isinstance(told, (int, float)) and 0 < told <= 100_000 else None
@@ -275,7 +275,7 @@ def _mounting(table: Mapping[str, Any]) -> dict[str, Array]:
     return mounting
 
 
-def _events(files: Files, inside: str) -> tuple[Event, ...]:
+def events_of(files: Files, inside: str) -> tuple[Event, ...]:
     folder, stem = PurePosixPath(inside).parent, PurePosixPath(inside).name
     names = [p for p in files if re.sub("_tracksys-[^_/]+", "", p) == str(folder / f"{stem}_events.tsv")]
     events = []
