@@ -17,6 +17,7 @@ VERBS = {
     "record": "record a glove without the pages, with the live tracker running",
     "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",
     "process": "run a method over a recording",
+    "compare": "how far two recordings of one movement agree",
     "assess": "measures of a recording as JSON and CSV, and a report",
     "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
     "info": "say what a recording holds and what was cut",

@@ -1,0 +1,243 @@
+"""`handscope compare`: how far two recordings of one movement agree, ours against an optical system or method against method."""
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.commands.words import method_of, output_folder, progress_bar, require_file, require_folder, say
+from app.comparison import PLOTS, Compared, Side, as_csv, as_json, as_text
+from app.options import help_text
+from estimators import marker_clusters
+from estimators.errors import InputError
+from estimators.hand_anatomy import ANGLES, HANDS, Hand
+from estimators.marker_clusters import FlatPose, Markers
+from estimators.measures import comparison, synchronisation
+from estimators.measures.comparison import WHOLE, Pair
+from estimators.measures.synchronisation import Lag
+from estimators.methods import METHODS
+from estimators.processing import process
+from estimators.quaternions import Array
+from estimators.samples import Event
+from estimators.trajectory import Trajectory
+from sessions import c3d, formats, native
+from sessions.motion_bids import kinematics
+from sessions.motion_bids.kinematics import Kinematics
+from sessions.recording import LoadedRecording
+from sessions.writing import save_file, save_folder
+
+FIRST = 3.0  # s of the flat pose of markers where nothing else is said
+UP = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in ("", "-")}
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One side with its movement."""
+
+    side: Side
+    trajectory: Trajectory
+    events: tuple[Event, ...]
+    checksum: str  # of a raw recording; "" otherwise
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    for name in ("a", "b"):
+        what = "a recording, a derivative, a motion.tsv with JNTANG, ORNT or POS, or a C3D file with markers"
+        parser.add_argument(name, type=Path, metavar=name.upper(), help=what if name == "a" else "the other; differences are B minus A")
+    for name in ("a", "b"):
+        side = name.upper()
+        parser.add_argument(f"--method-{name}", metavar="NAME", help=f"method for {side}: {', '.join(METHODS)} (default m2)")
+        parser.add_argument(f"--option-{name}", action="append", default=[], metavar="KEY=VALUE", help="an option of it; may be repeated")
+        parser.add_argument(f"--calibration-{name}", type=Path, metavar="RECORDING", help="its calibration events from another recording")
+        parser.add_argument(
+            f"--static-{name}", metavar="START:STOP", help=f"s of {side} in which the hand lies flat and still (markers; aligns ORNT, too)"
+        )
+    parser.add_argument("--hand", choices=HANDS, help="the hand measured, where neither says")
+    parser.add_argument("--up", choices=UP, default="z", help="the axis of the markers' frame that points up (default z)")
+    parser.add_argument("--lag", type=float, metavar="S", help="A's time less B's, instead of looking for it")
+    parser.add_argument("--max-lag", type=float, default=np.inf, metavar="S", help="look for lags up to this only")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for comparison.json, comparison.csv and bland_altman.svg")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"the Bland-Altman plot: {', '.join('.' + form for form in PLOTS)}")
+    parser.epilog = "methods and their options:\n" + "\n".join(f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in METHODS.items())
+
+
+def run(arguments: argparse.Namespace) -> int:
+    _require_places(arguments)
+    a, b = _both(arguments)
+    lag, how = _lag(a, b, arguments)
+    pairs = comparison.paired(a.trajectory, b.trajectory, lag.seconds)
+    span = (float(a.trajectory.t[0]), float(a.trajectory.t[-1]))
+    found = comparison.agreements(pairs, comparison.stretches(a.events, b.events, lag.seconds, span))
+    if not found:
+        raise InputError("the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag")
+    compared = Compared(a.side, b.side, lag, how, tuple(found))
+    plots = _plots(compared, pairs, {"svg" if arguments.out else "", arguments.plot.suffix[1:] if arguments.plot else ""} - {""})
+    if arguments.out:
+        files = {"comparison.json": as_json(compared), "comparison.csv": as_csv(compared), "bland_altman.svg": plots["svg"]}
+        save_folder(files, output_folder(arguments.out))
+    if arguments.plot:
+        save_file(plots[arguments.plot.suffix[1:]], arguments.plot)
+    for letter, side in (("A", a.side), ("B", b.side)):
+        for warning in side.warnings:
+            say(f"warning: {letter}: {warning}")
+    if lag.rival is not None:
+        say(f"warning: the movement repeats itself: a lag of {lag.rival:.2f} s fits as well; say --max-lag or --lag if you know better")
+    say(as_text(compared))
+    if arguments.out:
+        say(f"\n{len(found)} comparisons of {len({g.name for g in found})} quantities: {arguments.out}")
+    return 0
+
+
+def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, bytes]:
+    """The Bland-Altman plot of the whole recording in each form."""
+    if not forms:
+        return {}
+    from app.report.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
+
+    words = ". ".join(f"{letter}: {side.name}, {side.source}" for letter, side in (("A", compared.a), ("B", compared.b)))
+    whole = [g for g in compared.agreements if g.task == WHOLE]
+    return {form: agreement_chart(pairs, whole, form, words) for form in PLOTS if form in forms}
+
+
+def _require_places(arguments: argparse.Namespace) -> None:
+    if arguments.plot and arguments.plot.suffix[1:] not in PLOTS:
+        raise InputError(f"--plot {arguments.plot} does not end in {' or '.join('.' + form for form in PLOTS)}")
+    if arguments.lag is not None and not np.isfinite(arguments.lag):
+        raise InputError("--lag is a number of seconds")
+    if not arguments.max_lag >= 0:
+        raise InputError("--max-lag is a number of seconds from 0 on")
+    if arguments.out:
+        require_folder(arguments.out)
+    if arguments.plot:
+        require_file(arguments.plot, arguments.out)
+
+
+def _both(arguments: argparse.Namespace) -> tuple[Moved, Moved]:
+    """Both sides, of one hand."""
+    opened = {name: _opened(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
+    said = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
+    if said["a"] and said["b"] and said["a"] != said["b"]:
+        raise InputError(f"A is of the {said['a']} hand, B of the {said['b']} one; choose two recordings of one hand")
+    hand = said["a"] or said["b"] or arguments.hand
+    if hand is None:
+        raise InputError("neither recording says which hand was measured; give --hand")
+    poses = {name: _pose(() if isinstance(o, Markers) else o.events) for name, o in opened.items()}
+    a = _moved("a", opened["a"], hand, poses["a"], poses["b"], arguments)
+    return a, _moved("b", opened["b"], hand, poses["b"], poses["a"], arguments)
+
+
+def _pose(events: tuple[Event, ...]) -> Event | None:
+    return next((e for e in events if e.trial_type == "initial_pose"), None)
+
+
+def _opened(path: Path, hand: Hand | None) -> LoadedRecording | Kinematics | Markers:
+    """What is at a path: raw inertial samples go before the kinematics beside them, unless the path names a table of these."""
+    if path.suffix.lower() == c3d.SUFFIX:
+        return c3d.read_markers(path)
+    if path.suffix == native.SUFFIX and path.is_file():
+        return formats.load(path, hand)
+    files, tables, inertial = kinematics.tables_at(path)
+    if inertial or not tables:
+        return formats.load(path, hand)
+    if len(tables) > 1:
+        raise InputError(
+            f"{path.name} holds {len(tables)} movements ({', '.join(Path(t).name for t in tables[:4])}{', ...' if len(tables) > 4 else ''}); give the path of one of their motion.tsv files"
+        )
+    return kinematics.load(files, tables[0], hand)
+
+
+def _moved(
+    name: str,
+    opened: LoadedRecording | Kinematics | Markers,
+    hand: Hand,
+    own: Event | None,
+    other: Event | None,
+    arguments: argparse.Namespace,
+) -> Moved:
+    """One side's movement; `own` and `other` are the two sides' initial poses."""
+    path, given = getattr(arguments, name), {k: getattr(arguments, f"{k}_{name}") for k in ("method", "option", "calibration", "static")}
+    if isinstance(opened, LoadedRecording):
+        return _processed(path, opened, given)
+    if given["method"] or given["option"] or given["calibration"]:
+        raise InputError(
+            f"{path.name} is no raw recording: --method-{name}, --option-{name} and --calibration-{name} have nothing to work on"
+        )
+    static = _stretch(given["static"], name) if given["static"] else None
+    markers = opened if isinstance(opened, Markers) else opened.markers
+    if isinstance(opened, Markers) or opened.trajectory is None:
+        if markers is None:
+            raise InputError(
+                f"{path.name} holds nothing of a hand: no joint angle, no segment's orientation, no marker; see docs/comparison.md"
+            )
+        side, moved = _by_markers(
+            path.name, markers, hand, _flat(static or ((own.onset, own.end) if own else _first(markers)), own, other, UP[arguments.up])
+        )
+        return Moved(side, moved, () if isinstance(opened, Markers) else opened.events, "")
+    moved = replace(opened.trajectory, hand=hand)
+    if static:
+        if opened.angles_told:
+            raise InputError(f"{opened.name} tells joint angles; --static-{name} is for markers and orientations")
+        moved = marker_clusters.aligned(moved, _flat(static, own, other, UP[arguments.up]))
+    source = "joint angles" if opened.angles_told else "orientations" if np.isfinite(moved.q_GS).any() else "tips"
+    return Moved(Side(opened.name, source, len(moved), warnings=opened.warnings), moved, opened.events, "")
+
+
+def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> Moved:
+    name = given["method"] or "m2"
+    method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
+    other = formats.load(given["calibration"], recording.hand) if given["calibration"] else None
+    hear, close = progress_bar(f"processing {path.name}")
+    try:
+        processed = process(method, params, recording, other, hear)
+    finally:
+        close()
+    consistent = comparison.gyroscope_consistency(
+        processed.trajectory,
+        recording.samples.values(),
+        processed.calibrations[0].gyr_bias,
+        getattr(params, "gyr_reading", "instant") == "mean",
+    )
+    side = Side(path.name, f"by {name}", len(processed.trajectory), tuple(consistent), (), processed.warnings)
+    return Moved(side, processed.trajectory, recording.events, recording.checksum)
+
+
+def _flat(static: tuple[float, float], own: Event | None, other: Event | None, up: Array) -> FlatPose:
+    """When the hand lay flat; the thumb's angles from either side's initial pose."""
+    event = own or other
+    thumb = [float(event.details.get(f"thumb_cmc_{a}_deg", 0.0)) if event else 0.0 for a in ANGLES]
+    return FlatPose(*static, up, np.radians(thumb))
+
+
+def _first(markers: Markers) -> tuple[float, float]:
+    return float(markers.t[0]), float(markers.t[0]) + FIRST
+
+
+def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tuple[Side, Trajectory]:
+    fits = marker_clusters.clusters(markers, pose)
+    moved = marker_clusters.trajectory_of(markers, fits, hand, pose)
+    told = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
+    return Side(name, told, len(moved), (), tuple(marker_clusters.rigidity(fits, markers))), moved
+
+
+def _stretch(words: str, name: str) -> tuple[float, float]:
+    start, colon, stop = words.partition(":")
+    try:
+        first, last = float(start), float(stop)
+    except ValueError:
+        colon, first, last = "", 0.0, 0.0
+    if not colon or not 0 <= first < last < np.inf:
+        raise InputError(f"--static-{name} {words!r} is not of the form START:STOP in seconds")
+    return first, last
+
+
+def _lag(a: Moved, b: Moved, arguments: argparse.Namespace) -> tuple[Lag, str]:
+    names, on_a, on_b = comparison.shared(a.trajectory, b.trajectory)
+    if not names:
+        raise InputError(f"{a.side.name} and {b.side.name} have no joint in common; choose recordings that measured the same fingers")
+    if arguments.lag is not None:
+        return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
+    if a.checksum and a.checksum == b.checksum:
+        return synchronisation.fit_at(on_a, on_b, 0.0), "one recording, one clock"
+    return synchronisation.synchronised(on_a, on_b, arguments.max_lag), "cross-correlation"
