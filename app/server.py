@@ -16,6 +16,7 @@ from app.api.state import Parts
 from app.jobs import Jobs
 from app.live.station import Station
 from app.live.stations import Stations
+from app.protocols import load_all
 from app.settings import Settings
 from app.version import software_version
 from estimators.errors import InputError
@@ -27,6 +28,7 @@ log = logging.getLogger(__name__)
 
 def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
+    load_all()  # a protocol file with a mistake is said now, not to a patient who waits
     store = open_store(settings.data, settings.database_url)
 
     @asynccontextmanager

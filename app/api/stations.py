@@ -27,6 +27,7 @@ class Wish(BaseModel):
     action: str = Field(max_length=40)
     task: str = Field("", max_length=100)
     reason: str = Field("", max_length=1000)
+    group: str = Field("", max_length=100)
     value: float | None = None
 
 
@@ -56,7 +57,7 @@ def act(parts: PartsDep, name: str, wish: Wish) -> dict[str, Any]:
     if isinstance(station, Replay):
         station.act(wish.action, wish.value)
     else:
-        station.act(wish.action, wish.task, wish.reason)
+        station.act(wish.action, wish.task, wish.reason, wish.group)
     return station.snapshot()
 
 

@@ -50,7 +50,11 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         demo_ports=demo_ports,
     )
     listener = _listen(arguments.host, arguments.port)
-    app = create_app(settings)
+    try:
+        app = create_app(settings)
+    except BaseException:
+        listener.close()
+        raise
     name = f"[{arguments.host}]" if ":" in arguments.host else arguments.host if arguments.host not in ("0.0.0.0", "::") else "127.0.0.1"
     base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")

@@ -117,7 +117,7 @@ class Station:
     def ended(self) -> bool:
         return self._stop.is_set()
 
-    def act(self, what: str, task: str = "", reason: str = "") -> None:
+    def act(self, what: str, task: str = "", reason: str = "", group: str = "") -> None:
         """A person's wish; InputError where it cannot be done now."""
         try:
             wish = Act(what)
@@ -126,7 +126,7 @@ class Station:
         with self._lock:
             facts = self._now()
             try:
-                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason)
+                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason, group)
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
@@ -233,9 +233,9 @@ class Station:
     def _cue(self, task: str) -> None:
         protocol = next((p for p in self.setup.protocols if p.name == task), None)
         self.curve.follow(protocol.curve if protocol else None)
-        name, details = (protocol.cue, protocol.cue_details) if protocol else (task, {})
+        name, details = (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details}) if protocol else (task, {})
         if name:
-            self.glove.send(Cue(name, dict(details)))
+            self.glove.send(Cue(name, details))
 
     def _calibrate(self, order: Order, facts: Facts) -> None:
         pose = Pose(order.onset, order.end - order.onset, THUMB)
@@ -254,10 +254,17 @@ class Station:
     def _keep(self, order: Order) -> None:
         self.attempt_numbers += 1
         accepted = order.reason == "accepted"
-        details = {"task_name": order.task, "outcome": order.reason}
+        details: dict[str, Any] = {"task_name": order.task, "outcome": order.reason}
+        protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
+        if accepted and protocol and protocol.trials > 1:
+            details["trial"] = self._wizard.accepted(order.task)
         onset = order.onset if np.isfinite(order.onset) else self.tracking.newest_sample()
         length = order.end - order.onset if np.isfinite(order.onset) else 0.0
         self.glove.keep_event(f"task-{self.attempt_numbers}", Event(onset, length, "task" if accepted else "annotation", details))
+        marks = protocol.marks(order.onset, order.end) if accepted and protocol else []
+        for k, (start, phase, repetition) in enumerate(marks):
+            marked = {"task_name": order.task, "phase": phase.mark, "repetition": repetition}
+            self.glove.keep_event(f"phase-{self.attempt_numbers}-{k}", Event(start, phase.seconds, "annotation", marked))
 
     def _draw(self, facts: Facts) -> None:
         """Ghost, lit segment and caption of the state."""

@@ -7,13 +7,15 @@ import numpy as np
 
 from app.live import wizard as wz
 from app.live.wizard import Facts, State, Wizard
+from app.protocols import Protocol
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
-from estimators.measures import tapping
+from estimators.measures import repetitions, tapping
 
 if TYPE_CHECKING:
     from app.live.station import Station
 
+LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {State.CONNECT: "connect", State.FINISHED: "finish"} | dict.fromkeys(
     (State.POSE_READY, State.POSE_HOLD, State.POSE_REVIEW), "pose"
@@ -38,7 +40,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "station": station.name,
         "session": station.setup.session,
         "hand": station.setup.hand,
-        "wizard": _wizard(wizard, facts),
+        "wizard": told_of(wizard, facts),
         "glove": _glove(station, facts, problem),
         "calibration": _calibration(calibration),
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
@@ -58,7 +60,8 @@ def beat(station: "Station", since: float) -> dict[str, Any]:
     }
 
 
-def _wizard(w: Wizard, facts: Facts) -> dict[str, Any]:
+def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
+    """Where the wizard stands: what to say, what can be done, which tasks there are, and what the metronome goes by."""
     protocol = w.protocol
     in_task = w.state in (State.TASK_READY, State.COUNTDOWN, State.TASK_RUN)
     title, words = (protocol.title, protocol.instruction) if in_task and protocol else WORDS.get(w.state, ("", ""))
@@ -75,7 +78,41 @@ def _wizard(w: Wizard, facts: Facts) -> dict[str, Any]:
         "still": facts.wander <= wz.STILL_RATE,
         "restless": facts.restless,
         "task": w.task,
-        "tasks": [{"name": p.name, "title": p.title, "outcome": w.outcome(p.name), "duration": p.duration} for p in w.offered(facts)],
+        "tasks": [_task(w, p) for p in w.listed(facts)],
+        "group": w.group,
+        "groups": [_group(w, name, tasks) for name, tasks in w.groups(facts).items()],
+        "pace": _pace(w, protocol, facts) if in_task and protocol else None,
+    }
+
+
+def _task(w: Wizard, p: Protocol) -> dict[str, Any]:
+    return {
+        "name": p.name,
+        "title": p.title,
+        "outcome": w.outcome(p.name),
+        "duration": p.length,
+        "trials": p.trials,
+        "accepted": w.accepted(p.name),
+    }
+
+
+def _group(w: Wizard, name: str, tasks: list[Protocol]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "title": name.replace("_", " ").capitalize(),
+        "tasks": len(tasks),
+        "done": sum(bool(w.outcome(p.name)) for p in tasks),
+    }
+
+
+def _pace(w: Wizard, p: Protocol, facts: Facts) -> dict[str, Any]:
+    """What the metronome and the counter of repetitions go by; `elapsed` counts from the task's onset and is None before it."""
+    return {
+        "cycle": [{"say": phase.say, "seconds": phase.seconds} for phase in p.cycle],
+        "repetitions": p.repetitions,
+        "trial": w.accepted(p.name) + 1,
+        "trials": p.trials,
+        "elapsed": round(facts.t - w.onset, 3) if w.state is State.TASK_RUN else None,
     }
 
 
@@ -168,4 +205,6 @@ def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]
     told = [("largest", float(values.max()), station.curve.unit), ("smallest", float(values.min()), station.curve.unit)]
     if station.curve.what == "aperture":
         told.insert(0, ("taps", float(max(0, len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1)), ""))
+    else:
+        told.insert(0, ("repetitions", float(repetitions.count(values, LEAST)), ""))
     return [{"name": name, "value": round(value, 1), "unit": unit} for name, value, unit in told]

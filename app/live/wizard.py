@@ -7,9 +7,11 @@ Facts about glove and patient come in with every tick; what the station has to d
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from math import inf
 
-from app.protocols import Protocol
+from app.protocols import Protocol, groups
 
+ROUTINE = "routine"  # the group of the usual assessment
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
 
 
@@ -35,7 +37,9 @@ class Act(StrEnum):
     ACCEPT = "accept"
     REDO = "redo"
     SKIP = "skip"
+    GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
+    AGAIN = "again"  # keep this trial, and on to the next of the same task
     RECALIBRATE = "recalibrate"
     FINISH = "finish"
     HELD = "held"  # the pose was still long enough
@@ -49,14 +53,14 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.POSE_READY: {A.START: S.POSE_HOLD, A.FINISH: S.FINISHED},
     S.POSE_HOLD: {A.HELD: S.POSE_REVIEW, A.STOP: S.POSE_READY},
     S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY},
-    S.TASKS: {A.CHOOSE: S.TASK_READY, A.RECALIBRATE: S.POSE_READY, A.FINISH: S.FINISHED},
+    S.TASKS: {A.GROUP: S.TASKS, A.CHOOSE: S.TASK_READY, A.RECALIBRATE: S.POSE_READY, A.FINISH: S.FINISHED},
     S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.STOP: S.TASKS},
     S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
     S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW},
-    S.TASK_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS},
+    S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS},
     S.FINISHED: {},
 }
-BY_PERSON = {A.CONTINUE, A.START, A.STOP, A.ACCEPT, A.REDO, A.SKIP, A.CHOOSE, A.RECALIBRATE, A.FINISH}
+BY_PERSON = set(Act) - {A.HELD, A.STARTED, A.ENDED}
 
 
 @dataclass(frozen=True)
@@ -90,11 +94,13 @@ class Wizard:
     pose_duration: float
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
+    group: str = ROUTINE  # of the tasks that are listed
     task: str | None = None
     onset: float = 0.0  # recording time at which the pose or task began
     end: float = 0.0
     still_since: float | None = None  # recording time
     attempts: tuple[Attempt, ...] = ()
+    rested_since: float = -inf  # host's clock when the newest trial ended
     message: str = ""  # the last thing that went wrong, for the person
 
     @property
@@ -104,15 +110,36 @@ class Wizard:
     def allowed(self, facts: Facts) -> list[Act]:
         """What a person can do now, in the order of the table."""
         acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
-        return [a for a in acts if not (a is Act.CONTINUE and not ready(facts))]
+        barred = {Act.CONTINUE: not ready(facts), Act.AGAIN: not self._trials_left()}
+        return [a for a in acts if not barred.get(a, False)]
 
     def offered(self, facts: Facts) -> list[Protocol]:
         """Tasks that can be done with what is measured."""
         return [p for p in self.protocols if set(p.needs) <= facts.measured]
 
+    def groups(self, facts: Facts) -> dict[str, list[Protocol]]:
+        """Tasks that can be done by group, the usual assessment first."""
+        offered = self.offered(facts)
+        every = {ROUTINE: [p for p in offered if p.routine]} | {g: [p for p in offered if p.group == g] for g in groups(offered)}
+        return {name: tasks for name, tasks in every.items() if tasks}
+
+    def listed(self, facts: Facts) -> list[Protocol]:
+        """Tasks of the group; all that can be done where the group has none."""
+        return self.groups(facts).get(self.group) or self.offered(facts)
+
+    def accepted(self, task: str) -> int:
+        """Trials of a task that were accepted."""
+        return sum(a.task == task and a.outcome == "accepted" for a in self.attempts)
+
     def outcome(self, task: str) -> str:
-        """The newest outcome of a task, empty before it was tried."""
-        return next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome != "redone"), "")
+        """The newest outcome of a task, empty before it was tried and while trials of it are to come."""
+        newest = next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome != "redone"), "")
+        trials = next((p.trials for p in self.protocols if p.name == task), 1)
+        return "" if newest == "accepted" and self.accepted(task) < trials else newest
+
+    def _trials_left(self) -> bool:
+        """Whether another trial of the task follows the one under review."""
+        return self.protocol is not None and self.accepted(self.protocol.name) + 1 < self.protocol.trials
 
 
 @dataclass(frozen=True)
@@ -135,7 +162,7 @@ def ready(facts: Facts) -> bool:
     return facts.flowing and "hand" in facts.measured
 
 
-def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "") -> tuple[Wizard, Sequence[Order]]:
+def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "", group: str = "") -> tuple[Wizard, Sequence[Order]]:
     """A person's wish; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(facts):
         raise NotNowError(f"{what} is not possible now ({wizard.state})")
@@ -143,6 +170,10 @@ def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "
         raise NotNowError(f"there is no task {task!r} to choose")
     if what is Act.CHOOSE:
         wizard = replace(wizard, task=task)
+    if what is Act.GROUP:
+        if group not in wizard.groups(facts):
+            raise NotNowError(f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(facts))}")
+        wizard = replace(wizard, group=group)
     return _enter(wizard, what, facts, reason)
 
 
@@ -153,7 +184,7 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     protocol = wizard.protocol
     if wizard.state is State.COUNTDOWN and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
-    if wizard.state is State.TASK_RUN and protocol and protocol.duration and facts.t - wizard.onset >= protocol.duration:
+    if wizard.state is State.TASK_RUN and protocol and protocol.length and facts.t - wizard.onset >= protocol.length:
         return _enter(wizard, Act.ENDED, facts)
     return wizard, ()
 
@@ -167,18 +198,21 @@ def progress(wizard: Wizard, facts: Facts) -> float:
     """Share of the pose or task done, 0 to 1."""
     if wizard.state is State.POSE_HOLD:
         return 0.0 if wizard.still_since is None else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
-    if wizard.state is State.TASK_RUN and wizard.protocol and wizard.protocol.duration:
-        return min(1.0, (facts.t - wizard.onset) / wizard.protocol.duration)
+    if wizard.state is State.TASK_RUN and wizard.protocol and wizard.protocol.length:
+        return min(1.0, max(0.0, facts.t - wizard.onset) / wizard.protocol.length)
     return 0.0
 
 
 def remaining(wizard: Wizard, facts: Facts) -> float | None:
-    """Seconds left of the countdown or the task; None where nothing is timed."""
+    """Seconds left of the rest between two trials, the countdown or the task; None where nothing is timed."""
     protocol = wizard.protocol
+    if wizard.state is State.TASK_READY and protocol and protocol.pause and wizard.accepted(protocol.name):
+        left = protocol.pause - (facts.now - wizard.rested_since)
+        return left if left > 0 else None
     if wizard.state is State.COUNTDOWN and protocol:
         return max(0.0, protocol.countdown - (facts.now - wizard.since))
-    if wizard.state is State.TASK_RUN and protocol and protocol.duration:
-        return max(0.0, protocol.duration - (facts.t - wizard.onset))
+    if wizard.state is State.TASK_RUN and protocol and protocol.length:
+        return max(0.0, protocol.length - (facts.t - wizard.onset))
     return None
 
 
@@ -205,9 +239,10 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[W
     elif after is State.COUNTDOWN and wizard.task:
         orders.append(Order("cue", wizard.task))
     elif after is State.TASK_RUN:
-        wizard = replace(wizard, onset=facts.t)
+        late = facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)  # a tick finds out a little afterwards
+        wizard = replace(wizard, onset=facts.t - late)
     elif after is State.TASK_REVIEW:
-        wizard = replace(wizard, end=facts.t)
+        wizard = replace(wizard, end=facts.t, rested_since=facts.now)
         orders.append(Order("cue", "rest"))
     elif after is State.FINISHED:
         orders.append(Order("finish"))
@@ -220,7 +255,8 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[W
 
 
 def _attempted(wizard: Wizard, what: Act, before: State, reason: str) -> tuple[Wizard, Order]:
-    outcome = {Act.ACCEPT: "accepted", Act.REDO: "redone", Act.SKIP: "skipped"}[what]
+    outcome = {Act.ACCEPT: "accepted", Act.AGAIN: "accepted", Act.REDO: "redone", Act.SKIP: "skipped"}[what]
+    reason = "" if outcome == "accepted" else reason  # what is accepted needs none, and none is read into its outcome
     done = before is State.TASK_REVIEW
     attempt = Attempt(wizard.task or "", wizard.onset if done else float("nan"), wizard.end if done else float("nan"), outcome, reason)
     kept = replace(wizard, attempts=(*wizard.attempts, attempt))

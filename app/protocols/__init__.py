@@ -1,66 +1,161 @@
-"""Tasks as data: one JSON file each in this folder; a new task needs no code.
+"""Tasks as data: one JSON file each in this folder, named as its task; a new task needs no code (docs/extending.md has an example).
 
-name          unique, also the task_name in the recording's events
-title, instruction  what the clinician and the patient read
-duration      s, or null: until "Done"
-countdown     s before it starts
-curve         "aperture" (thumb to index tip), or a joint angle such as index_pip_flexion
-needs         segments that must be measured for the task to be offered
-ghost         postures (joint angles in deg) that the ghost hand goes through, each held `pace` s; empty: no ghost
-cue           what a virtual patient is told to do
-order         where it stands in the list
+The fields are those of `Protocol` below. A task ends in one of three ways: after `duration` s; paced, after `repetitions` rounds of `cycle`
+(the metronome, its words and the countdown of each phase come from there); or, with neither, when somebody presses "Done".
 """
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
-from typing import Any
+from importlib.resources.abc import Traversable
+from itertools import accumulate
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from estimators.errors import InputError
 from estimators.hand_anatomy import DOF_NAMES, SEGMENTS
 
+Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
+Line = Annotated[str, Field(min_length=1, max_length=300)]
+Seconds = Annotated[float, Field(gt=0, le=600)]
+Count = Annotated[int, Field(ge=1, le=100)]
+SLACK = 0.15  # s by which the end of an attempt may be late or early: the station looks ten times a second
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Phase:
+    """A part of a paced movement: the word that is shown when it begins, and how long it lasts."""
+
+    __pydantic_config__ = STRICT
+
+    say: Annotated[str, Field(min_length=1, max_length=20)]
+    seconds: Seconds
+    mark: Word | None = None  # such stretches of an accepted attempt are marked in the recording under this name
+
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    name: str
-    title: str
-    instruction: str
-    duration: float | None
-    countdown: float
-    curve: str
-    order: int
-    needs: tuple[str, ...] = ()
-    ghost: tuple[Mapping[str, float], ...] = ()
-    pace: float = 1.5
-    cue: str = ""
+    __pydantic_config__ = STRICT
+
+    name: Word  # of the file too, and the task_name in the recording's events
+    title: Line  # what the clinician reads in the list
+    instruction: Line  # one or two sentences for the patient
+    group: Word  # tasks that are offered together
+    order: int  # where it stands in the list
+    routine: bool = False  # part of the usual assessment, which is offered first
+    source: str = ""  # where pace and numbers come from
+    duration: Seconds | None = None  # s
+    cycle: Annotated[tuple[Phase, ...], Field(max_length=8)] = ()  # one movement; the metronome beats where a phase begins
+    repetitions: Count | None = None  # movements in a trial
+    trials: Count = 1  # times that the task is to be accepted
+    pause: Annotated[float, Field(ge=0, le=600)] = 0.0  # s of rest between two trials
+    countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts
+    curve: str  # "aperture" (thumb to index tip), or a joint angle such as index_pip_flexion; movements are counted on it
+    needs: tuple[str, ...] = ()  # segments that must be measured for the task to be offered
+    ghost: tuple[Mapping[str, float], ...] = ()  # postures (joint angles in deg) that the ghost hand goes through; empty: no ghost
+    pace: Seconds = 1.5  # s that each of them takes
+    cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is told to do
     cue_details: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def period(self) -> float:
+        """Length of the cycle, s; 0 for a task that is not paced."""
+        return sum(p.seconds for p in self.cycle)
 
-def load_all() -> dict[str, Protocol]:
-    """Every protocol of this folder by name, in order; InputError names the file that has a fault."""
-    found = [
-        protocol_of(entry.name, entry.read_text("utf-8")) for entry in files("app.protocols").iterdir() if entry.name.endswith(".json")
-    ]
+    @property
+    def length(self) -> float | None:
+        """Seconds that the task takes, or None: until "Done"."""
+        return self.period * (self.repetitions or 0) if self.cycle else self.duration
+
+    def marks(self, onset: float, end: float) -> list[tuple[float, Phase, int]]:
+        """Marked phases that lie whole within an attempt from onset to end (s): when each begins, the phase, its repetition from 1 on."""
+        starts = accumulate((p.seconds for p in self.cycle), initial=onset)
+        every = [
+            (start + k * self.period, phase, k + 1)
+            for start, phase in zip(starts, self.cycle)
+            for k in range(self.repetitions or 0)
+            if phase.mark and start + k * self.period + phase.seconds <= end + SLACK
+        ]
+        return sorted(every, key=lambda found: found[0])
+
+
+UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")  # pydantic's words
+_READER = TypeAdapter(Protocol)
+
+
+def load_all(folder: Traversable | None = None) -> dict[str, Protocol]:
+    """Every protocol of a folder (this one) by name, in order; InputError names the file that has a fault, its field and what is allowed."""
+    inside = sorted((folder or files("app.protocols")).iterdir(), key=lambda entry: entry.name)
+    found = [_loaded(entry) for entry in inside if entry.name.endswith(".json")]
     return {p.name: p for p in sorted(found, key=lambda p: p.order)}
+
+
+def groups(protocols: Iterable[Protocol]) -> list[str]:
+    """The groups of tasks, in the order of the tasks."""
+    return list(dict.fromkeys(p.group for p in protocols))
 
 
 def protocol_of(file: str, text: str) -> Protocol:
     """A protocol from its file's text, checked."""
     try:
-        value: dict[str, Any] = json.loads(text)
-    except ValueError as problem:
-        raise InputError(f"protocol {file} is not valid JSON: {problem}") from None
-    known = {f.name for f in fields(Protocol)}
-    if not isinstance(value, dict) or set(value) - known:
-        raise InputError(f"protocol {file} has unknown entries {sorted(set(value) - known)}; known are {sorted(known)}")
-    try:
-        made = Protocol(**{**value, "needs": tuple(value.get("needs", ())), "ghost": tuple(value.get("ghost", ()))})
-    except TypeError as problem:
-        raise InputError(f"protocol {file} is incomplete: {problem}") from None
-    if made.curve not in ("aperture", *DOF_NAMES):
-        raise InputError(f"protocol {file}: curve {made.curve!r} is neither aperture nor a joint angle such as index_pip_flexion")
-    wrong = [name for name in made.needs if name not in SEGMENTS] + [name for pose in made.ghost for name in pose if name not in DOF_NAMES]
-    if wrong:
-        raise InputError(f"protocol {file} names {wrong[0]!r}, which is no segment or joint angle")
+        made = _READER.validate_json(text)
+    except ValidationError as problem:
+        raise InputError(f"protocol {file}: {_sentence(problem.errors())}") from None
+    for wrong in _mistakes(file, made):
+        raise InputError(f"protocol {file}: {wrong}")
     return made
+
+
+def _loaded(entry: Traversable) -> Protocol:
+    try:
+        text = entry.read_text("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"protocol {entry.name} is not text in UTF-8; save it as UTF-8") from None
+    return protocol_of(entry.name, text)
+
+
+def _mistakes(file: str, p: Protocol) -> Iterable[str]:
+    """What a field's own kind does not tell, in the order of the fields."""
+    if f"{p.name}.json" != file:
+        yield f"name is {p.name!r}; it is the file's name without .json"
+    if p.cycle and p.duration is not None:
+        yield "duration and cycle are both given; a paced task lasts repetitions times its cycle, so leave duration out"
+    if p.cycle and p.repetitions is None:
+        yield "repetitions is missing; a task with a cycle needs a number of them, 1 to 100"
+    if p.pause and p.trials == 1:
+        yield "pause is given, but there is one trial only; give trials, or leave pause out"
+    if p.curve not in ("aperture", *DOF_NAMES):
+        yield f"curve is {p.curve!r}; it is aperture or a joint angle such as index_pip_flexion"
+    for name in p.needs:
+        if name not in SEGMENTS:
+            yield f"needs names {name!r}, which is no segment; segments are {', '.join(SEGMENTS)}"
+    for k, name in ((k, name) for k, posture in enumerate(p.ghost) for name in posture):
+        if name not in DOF_NAMES:
+            yield f"ghost[{k}] names {name!r}, which is no joint angle such as index_pip_flexion"
+
+
+def _sentence(errors: Sequence[ErrorDetails]) -> str:
+    """The first thing wrong, in words."""
+    error, more = min(errors, key=lambda e: e["type"] not in UNKNOWN), len(errors) - 1  # a misspelt field is missing, too
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
+    allowed = [f.name for f in fields(Phase if where.startswith("cycle[") else Protocol)]
+    said = error["msg"].replace("Input should", "it should")
+    match error["type"]:
+        case "json_invalid":
+            return f"is not valid JSON ({error['msg'].removeprefix('Invalid JSON: ')})"
+        case "missing" | "missing_argument":
+            return f"{where} is missing{_and_more(more)}"
+        case kind if kind in UNKNOWN:
+            return f"{where} is no field; fields are {', '.join(allowed)}{_and_more(more)}"
+        case "string_pattern_mismatch":
+            said = "it should be small letters, digits and _, beginning with a letter"
+    if not where:
+        return f"the file should hold one object with the fields {', '.join(allowed)}"
+    return f"{where} is {error['input']!r}; {said[0].lower()}{said[1:]}{_and_more(more)}"
+
+
+def _and_more(more: int) -> str:
+    return f" (and {more} more)" if more else ""

@@ -1,11 +1,13 @@
 """What the simulated person can do: each task is a motion that begins and ends in the relaxed posture, with the events that describe it.
 
 Speeds and extents are those of the protocols: joint rates below 2 rad/s for guided movements (Salchow-Hoemmen 2019, 3.1.3), tapping at 2.5 Hz
-(healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz in the public tapping recordings of ETF Belgrade, own evaluation), repetitions three.
+(healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz in the public tapping recordings of ETF Belgrade, own evaluation), repetitions three;
+those of the PowerGlove study and of the repeatability protocol stand in powerglove.py.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +16,8 @@ from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.simulation.grasp import pinch
-from estimators.simulation.motion import COORDINATES, Motion, posture, through
+from estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
+from estimators.simulation.powerglove import FAST, MOVEMENTS, POINTING, circles
 
 POSE_THUMB = (
     0.0,
@@ -109,27 +112,52 @@ def wrist_all_ways(geometry: HandGeometry, repetitions: int = 3) -> Performance:
     return _back_and_forth("rom_wrist", _wrist_pairs(), repetitions)
 
 
-def tapping(geometry: HandGeometry, duration: float = 15.0, rate: float = 2.5, opening: float = 35.0) -> Performance:
-    """Index finger tapping on the thumb, as wide and fast as possible; the index opens by `opening` deg at its MCP joint."""
+def tapping(
+    geometry: HandGeometry,
+    duration: float = 15.0,
+    rate: float = 2.5,
+    opening: float = 35.0,
+    lead: float = 1.0,
+    wrist: float = 0.0,
+    task: str = "tapping",
+) -> Performance:
+    """Index finger tapping on the thumb, as wide and fast as possible; the index opens by `opening` deg at its MCP joint, the wrist bends with it."""
     closed = pinch(geometry, "index", base=relaxed())
     index, thumb = ("index_mcp_flexion", "index_pip_flexion"), ("thumb_cmc_deviation",)
     opened = closed.copy()
     for name, change in ((index[0], -opening), (index[1], -0.5 * opening), (thumb[0], -0.35 * opening)):
         opened[COORDINATES[name]] += np.radians(change)
-    points, half = [(0.0, relaxed()), (1.0, closed)], 0.5 / rate
-    for k in range(int(duration * rate)):
-        points += [(1.0 + (2 * k + 1) * half, opened), (1.0 + (2 * k + 2) * half, closed)]
-    end = points[-1][0]
-    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(1.0, end - 1.0, "task", {"task_name": "tapping"}),))
+    opened[COORDINATES["wrist_flexion"]] -= np.radians(wrist)
+    return _over_and_over(task, closed, opened, 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead)
 
 
-def open_close(geometry: HandGeometry, duration: float = 15.0, rate: float = 1.0) -> Performance:
+def open_close(
+    geometry: HandGeometry, duration: float = 15.0, rate: float = 1.0, lead: float = 1.0, task: str = "open_close"
+) -> Performance:
     """Opening and closing the hand."""
-    points = [(0.0, relaxed()), (1.0, stretched())]
-    for k in range(int(duration * rate)):
-        points += [(1.0 + (k + 0.5) / rate, fist()), (1.0 + (k + 1) / rate, stretched())]
-    end = points[-1][0]
-    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(1.0, end - 1.0, "task", {"task_name": "open_close"}),))
+    return _over_and_over(task, stretched(), fist(), 0.5 / rate, 0.5 / rate, int(duration * rate + 1e-9), lead)
+
+
+def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
+    """A movement of powerglove.MOVEMENTS; it begins `lead` s after the hand left the relaxed posture."""
+    m = MOVEMENTS[task]
+    done = _over_and_over(task, posture(flat(), **m.back), posture(flat(), **m.there), m.half, m.move, m.repetitions, lead)
+    if m.phases is None:
+        return done
+    marks = [
+        Event(lead + (2 * k + n) * m.half, m.half, "annotation", {"task_name": task, "phase": phase, "repetition": k + 1})
+        for k in range(m.repetitions)
+        for n, phase in enumerate(m.phases)
+    ]
+    return Performance(done.motion, (*done.events, *marks))
+
+
+def index_circles(geometry: HandGeometry, lead: float = 1.0, task: str = "powerglove_15_index_circles") -> Performance:
+    """The index finger draws ten circles in the air."""
+    circle = circles(posture(flat(), **POINTING))
+    start = circle.spline(0.0)
+    motion = joined(through(_to(start, lead)), circle, through([(0.0, start), (1.0, relaxed())]))
+    return Performance(motion, (Event(lead, circle.duration, "task", {"task_name": task}),))
 
 
 def rest(geometry: HandGeometry, duration: float = 10.0) -> Performance:
@@ -161,6 +189,11 @@ TASKS: Mapping[str, Callable[..., Performance]] = {
     "open_close": open_close,
     "rest": rest,
     "wiggle": wiggle,
+    **{name: partial(there_and_back, task=name) for name in MOVEMENTS},
+    "powerglove_11_tapping": partial(tapping, duration=30.0, task="powerglove_11_tapping"),
+    "powerglove_12_tapping_wrist": partial(tapping, duration=30.0, wrist=20.0, task="powerglove_12_tapping_wrist"),
+    "powerglove_13_open_close": partial(open_close, duration=30.0, rate=0.5 / FAST, task="powerglove_13_open_close"),
+    "powerglove_15_index_circles": index_circles,
 }
 
 
@@ -174,6 +207,23 @@ def _back_and_forth(task: str, pairs: list[tuple[Array, Array]], repetitions: in
                 t += 2.2
     motion = through([*points, (t + 1.2, relaxed())])
     return Performance(motion, (Event(1.0, t - 1.0, "task", {"task_name": task}),))
+
+
+def _over_and_over(task: str, back: Array, there: Array, half: float, move: float, repetitions: int, lead: float) -> Performance:
+    """There and back: each way takes `half` s, `move` of them in movement, the rest at its end."""
+    points = _to(back, lead)
+    for k in range(2 * repetitions):
+        target = back if k % 2 else there
+        points += [(lead + k * half + move, target)] if move < half else []
+        points.append((lead + (k + 1) * half, target))
+    end = points[-1][0]
+    return Performance(through([*points, (end + 1.0, relaxed())]), (Event(lead, end - lead, "task", {"task_name": task}),))
+
+
+def _to(start: Array, lead: float) -> list[tuple[float, Array]]:
+    """From the relaxed posture to where a movement starts, and waiting there until `lead` s have passed."""
+    points = [(0.0, relaxed()), (min(1.0, lead), start)]
+    return [*points, (lead, start)] if lead > 1.0 else points
 
 
 def _fist_pair() -> list[tuple[Array, Array]]:

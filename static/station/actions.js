@@ -12,6 +12,7 @@ const PRIMARY = {
   task_review: "accept",
   tasks: "choose",
 };
+const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
 const ASKED = ["skip", "finish"]; // actions that ask something back first
 
 export function mount(root, api, { station }) {
@@ -20,7 +21,10 @@ export function mount(root, api, { station }) {
   root.append(actions, box.element);
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
-  const draw = whenChanged(({ wizard, glove }) => [wizard.state, wizard.actions, next(wizard), glove.problem], buttons);
+  const draw = whenChanged(
+    ({ wizard, glove }) => [wizard.state, wizard.actions, next(wizard), glove.problem, wizard.remaining === null, wizard.pace?.trial],
+    buttons,
+  );
 
   function buttons([state, allowed]) {
     const { wizard } = station.latest;
@@ -28,14 +32,14 @@ export function mount(root, api, { station }) {
     const held = actions.contains(document.activeElement);
     closeQuestion();
     box.clear();
-    const primary = PRIMARY[state];
-    const shown = [...allowed].filter((act) => act !== "choose").sort((a, b) => (b === primary) - (a === primary));
+    const primary = allowed.includes("again") ? "again" : PRIMARY[state];
+    const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => (b === primary) - (a === primary));
     const drawn = shown.map((act) =>
-      button(act, label(state, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
+      button(act, label(wizard, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
     );
     if (allowed.includes("choose") && next(wizard))
       drawn.unshift(
-        button("choose", t("act.next", { task: next(wizard).title }), true, () => station.act("choose", { task: next(wizard).name })),
+        button("choose", nextWords(next(wizard)), true, () => station.act("choose", { task: next(wizard).name })),
       );
     if (state === "connect" && !allowed.includes("continue") && !station.latest.glove.problem)
       drawn.push(h("p", { class: "soft" }, t("wizard.waiting")));
@@ -75,6 +79,15 @@ export function mount(root, api, { station }) {
   return station.on("full", draw);
 }
 
-const label = (state, act) => known(`act.${state}.${act}`, null) ?? t(`act.${act}`);
+function label({ state, remaining, actions }, act) {
+  if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
+  if (state === "task_run" && act === "stop" && remaining === null) return t("act.done"); // nothing else ends it
+  return known(`act.${state}.${act}`, null) ?? t(`act.${act}`);
+}
+
+function nextWords({ title, trials, accepted }) {
+  return trials > 1 && accepted ? t("act.next.trial", { task: title, trial: accepted + 1, trials }) : t("act.next", { task: title });
+}
+
 const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
 const next = (wizard) => open(wizard)[0] ?? null;

@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
 import { t } from "../words/words.js";
 
+const NAMED = 4; // tasks left that are named; the others are counted
 const REASONS = ["pain", "tired", "unable", "not_needed"];
 
 export function mount(root, api, { act, left, send, cancel }) {
@@ -28,7 +29,7 @@ export function mount(root, api, { act, left, send, cancel }) {
   } else {
     form.append(
       h("p", {}, h("strong", {}, t("finish.sure"))),
-      h("p", {}, t("finish.left", { tasks: left.map((task) => task.title).join(", ") })),
+      h("p", {}, t("finish.left", { tasks: named(left.map((task) => task.title)) })),
       box.element,
       buttons(t("finish.send")),
     );
@@ -36,4 +37,9 @@ export function mount(root, api, { act, left, send, cancel }) {
   }
   root.append(form);
   return () => form.remove();
+}
+
+function named(titles) {
+  const rest = titles.length - NAMED;
+  return rest > 1 ? t("finish.more", { tasks: titles.slice(0, NAMED).join(", "), count: rest }) : titles.join(", ");
 }

@@ -1,8 +1,8 @@
-/** Seconds in very large digits over the scene: until the task starts, and until it is over. */
+/** Seconds in very large digits over the scene: of rest between two trials, until the task starts, and until it is over. */
 import { h, whenChanged } from "../dom.js";
 import { t } from "../words/words.js";
 
-const WORD = { countdown: "countdown.starts", task_run: "countdown.left" };
+const WORD = { task_ready: "countdown.rest", countdown: "countdown.starts", task_run: "countdown.left" };
 
 export function mount(root, api, { station }) {
   const digits = h("span", { class: "digits" });

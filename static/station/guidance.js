@@ -25,8 +25,8 @@ export function mount(root, api, { station }) {
     (text) => message.replaceChildren(...(text ? [h("p", { class: "error" }, text)] : [])),
   );
   const drawMore = whenChanged(
-    ({ wizard, calibration }) => [wizard.state, calibration],
-    ([state, calibration]) => more.replaceChildren(...detail(state, calibration)),
+    ({ wizard, calibration }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }],
+    ([state, calibration, pace]) => more.replaceChildren(...detail(state, calibration, pace)),
   );
   const drawBar = ({ wizard }) => {
     const runs = wizard.state === "pose_hold" || (wizard.state === "task_run" && wizard.remaining !== null);
@@ -38,8 +38,9 @@ export function mount(root, api, { station }) {
 }
 
 /** What helps to decide in this state. */
-function detail(state, calibration) {
+function detail(state, calibration, pace) {
   if (state === "connect") return [h("p", {}, t("wizard.connect"))];
+  if (pace.trials > 1) return [h("p", {}, t("wizard.trial", pace))];
   if (state !== "pose_review" || !calibration) return [];
   const values = {
     still: calibration.stillness_deg_s,

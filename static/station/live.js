@@ -8,6 +8,7 @@ import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
+import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
 import * as recording from "./recording.js";
 import * as stillness from "./stillness.js";
@@ -22,6 +23,7 @@ export function mount(root, api, about) {
     banner: place("banner"),
     recording: place("recording"),
     countdown: place("countdown"),
+    metronome: place("metronome"),
     curve: place("curve"),
     numbers: place("numbers"),
   };
@@ -35,7 +37,7 @@ export function mount(root, api, about) {
     angles: place("angles", "section"),
     glove: place("glove", "section"),
   };
-  scene.append(places.banner, places.recording, places.countdown);
+  scene.append(places.banner, places.recording, places.countdown, places.metronome);
   strip.append(places.curve, places.numbers);
   const who = h(
     "h1",
@@ -47,6 +49,7 @@ export function mount(root, api, about) {
     [banner, places.banner],
     [recording, places.recording],
     [countdown, places.countdown],
+    [metronome, places.metronome],
     [curve, places.curve],
     [numbers, places.numbers],
     [steps, side.steps],

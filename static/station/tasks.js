@@ -1,14 +1,24 @@
-/** The tasks with what became of them; while tasks are chosen, each is a button. */
+/** The tasks of a group with what became of them; while tasks are chosen, each is a button, and another group can be taken. */
 import { h, whenChanged } from "../dom.js";
-import { errorBox, once } from "../forms.js";
-import { t } from "../words/words.js";
+import { errorBox, field, once, select } from "../forms.js";
+import { known, t } from "../words/words.js";
 
 const SIGN = { accepted: "✓", skipped: "–" };
 
 export function mount(root, api, { station }) {
   const box = errorBox();
   const list = h("ol", {});
-  root.append(h("h3", {}, t("tasks.title")), list, box.element);
+  const choice = h("div", {});
+  root.append(h("h3", {}, t("tasks.title")), choice, list, box.element);
+  const drawGroups = whenChanged(
+    ({ wizard }) => [wizard.groups, wizard.group, wizard.actions.includes("group") && wizard.groups.length > 1],
+    ([groups, now, choosing]) => {
+      const held = choice.contains(document.activeElement);
+      choice.hidden = !choosing;
+      choice.replaceChildren(groupChoice(groups, now));
+      if (held && choosing) choice.querySelector("select").focus();
+    },
+  );
   const draw = whenChanged(
     ({ wizard }) => [wizard.tasks, wizard.task, wizard.state, wizard.actions.includes("choose")],
     ([tasks, current, state, choosing]) => {
@@ -17,11 +27,17 @@ export function mount(root, api, { station }) {
     },
   );
 
+  function groupChoice(groups, now) {
+    const rows = groups.map((group) => [group.name, groupWords(group)]);
+    const control = select(rows, now, { onchange: () => once(control, box, () => station.act("group", { group: control.value })) });
+    return field(t("tasks.group"), control);
+  }
+
   function line(task, choosing, current) {
     const outcome = h(
       "span",
       { class: `badge ${task.outcome === "accepted" ? "good" : task.outcome ? "warn" : ""}` },
-      task.outcome ? `${SIGN[task.outcome] ?? ""} ${t(`outcome.${task.outcome}`)}` : current ? t("outcome.now") : t("outcome.open"),
+      stands(task, current),
     );
     const words = [h("span", {}, task.title), outcome];
     const choose = () => once(button, box, () => station.act("choose", { task: task.name }));
@@ -29,5 +45,17 @@ export function mount(root, api, { station }) {
     return h("li", { "aria-current": current && "true" }, button);
   }
 
-  return station.on("full", draw);
+  const leave = [station.on("full", drawGroups), station.on("full", draw)];
+  return () => leave.forEach((stop) => stop());
+}
+
+function stands({ outcome, trials, accepted }, current) {
+  if (outcome) return `${SIGN[outcome] ?? ""} ${t(`outcome.${outcome}`)}`;
+  if (trials > 1 && accepted) return t("outcome.trials", { accepted, trials });
+  return current ? t("outcome.now") : t("outcome.open");
+}
+
+function groupWords({ name, title, tasks, done }) {
+  const words = { title: known(`group.${name}`, title), tasks, done };
+  return done ? t("tasks.group.done", words) : t("tasks.group.open", words);
 }

@@ -18,6 +18,7 @@ from sessions.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
+IN_STEP = ("powerglove_", "repeatability_")  # tasks that begin when the countdown is over, and then keep time with it
 
 
 class Wearer(Protocol):
@@ -156,6 +157,8 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry) 
         return tasks.initial_pose(geometry, HOLD).motion
     if task in ("tapping", "open_close", "rest") and "duration" in details:
         return tasks.TASKS[task](geometry, duration=float(details["duration"])).motion
+    if task.startswith(IN_STEP) and "lead" in details:
+        return tasks.TASKS[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion
     return tasks.TASKS[task](geometry).motion
 
 

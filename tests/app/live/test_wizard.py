@@ -111,15 +111,95 @@ def test_continue_waits_for_samples_of_the_hand() -> None:
 def test_only_tasks_whose_segments_are_measured_are_offered() -> None:
     facts = replace(READY, measured=READY.measured - {"forearm", "index_distal"})
     offered = {p.name for p in at(State.TASKS).offered(facts)}
-    assert offered == {p.name for p in PROTOCOLS} - {"rom_wrist", "tapping"}
+    assert offered == {p.name for p in PROTOCOLS if not {"forearm", "index_distal"} & set(p.needs)}
+    assert {"rom_fist", "repeatability_flat"} <= offered
+    assert not {"rom_wrist", "tapping", "powerglove_01_index_mcp"} & offered
     with pytest.raises(NotNowError, match="rom_wrist"):
         wizard.act(at(State.TASKS), Act.CHOOSE, facts, "rom_wrist")
 
 
-@given(st.lists(st.tuples(st.sampled_from(list(Act)), st.floats(0, 4), st.floats(0, 0.2), st.booleans()), max_size=60))
-def test_whatever_people_press_the_wizard_stays_on_its_table(presses: list[tuple[Act, float, float, bool]]) -> None:
+def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
+    w = at(State.TASKS)
+    assert [p.name for p in w.listed(READY)] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
+    assert list(w.groups(READY)) == ["routine", "range_of_motion", "tapping", "powerglove", "repeatability"]
+    w, orders = wizard.act(w, Act.GROUP, READY, group="powerglove")
+    assert (w.state, list(orders), len(w.listed(READY))) == (State.TASKS, [], 15)
+    with pytest.raises(NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"):
+        wizard.act(w, Act.GROUP, READY, group="knee")
+
+
+def test_a_group_of_which_nothing_is_measured_is_not_offered() -> None:
+    facts = replace(READY, measured=frozenset(s for s in SEGMENTS if not s.startswith(("index", "middle"))))
+    assert list(at(State.TASKS).groups(facts)) == ["routine", "range_of_motion", "repeatability"]
+    assert at(State.TASKS, group="powerglove").listed(facts) == at(State.TASKS).offered(facts)
+
+
+def test_a_task_of_three_trials_goes_from_one_to_the_next_and_is_done_after_the_third() -> None:
+    w, task = at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0), "powerglove_03_index_all"
+    for trial in (1, 2):
+        w, orders = wizard.act(replace(w, state=State.TASK_REVIEW), Act.AGAIN, READY)
+        assert (w.state, w.task, w.accepted(task), w.outcome(task)) == (State.TASK_READY, task, trial, "")
+        assert [(o.kind, o.reason) for o in orders] == [("keep_attempt", "accepted")]
+    w = replace(w, state=State.TASK_REVIEW)
+    assert Act.AGAIN not in w.allowed(READY)
+    w, _ = wizard.act(w, Act.ACCEPT, READY)
+    assert (w.state, w.accepted(task), w.outcome(task)) == (State.TASKS, 3, "accepted")
+
+
+def test_trials_that_were_accepted_stay_when_the_rest_is_skipped() -> None:
+    w, _ = wizard.act(at(State.TASK_REVIEW, task="powerglove_03_index_all", onset=1.0, end=21.0), Act.AGAIN, READY)
+    w, _ = wizard.act(w, Act.SKIP, READY, reason="tired")
+    assert (w.state, w.accepted("powerglove_03_index_all"), w.outcome("powerglove_03_index_all")) == (State.TASKS, 1, "skipped")
+
+
+def test_a_task_of_one_trial_offers_no_next_one() -> None:
+    assert Act.AGAIN not in at(State.TASK_REVIEW, task="tapping").allowed(READY)
+
+
+def test_the_rest_between_trials_is_counted_from_the_end_of_the_last_and_holds_nobody_up() -> None:
+    w, facts = at(State.TASK_RUN, task="repeatability_flat", onset=READY.t), later(READY, 120.0)
+    w, _ = wizard.tick(w, facts)
+    assert w.state is State.TASK_REVIEW
+    w, _ = wizard.act(w, Act.AGAIN, later(facts, 10.0))
+    assert wizard.remaining(w, later(facts, 10.0)) == pytest.approx(50.0)
+    assert wizard.remaining(w, later(facts, 60.5)) is None
+    assert Act.START in w.allowed(later(facts, 10.0))
+    assert wizard.remaining(at(State.TASK_READY, task="repeatability_flat"), READY) is None  # before the first
+
+
+def test_a_paced_task_ends_with_its_last_repetition() -> None:
+    w = at(State.TASK_RUN, task="powerglove_01_index_mcp", onset=READY.t)
+    assert wizard.tick(w, later(READY, 19.9))[0].state is State.TASK_RUN
+    assert wizard.progress(w, later(READY, 5.0)) == pytest.approx(0.25)
+    assert wizard.tick(w, later(READY, 20.0))[0].state is State.TASK_REVIEW
+
+
+def test_a_task_without_a_time_runs_until_somebody_ends_it() -> None:
+    w = at(State.TASK_RUN, task="powerglove_15_index_circles", onset=READY.t)
+    late = later(READY, 300.0)
+    assert (wizard.tick(w, late)[0].state, wizard.remaining(w, late)) == (State.TASK_RUN, None)
+    assert wizard.act(w, Act.STOP, late)[0].state is State.TASK_REVIEW
+
+
+def test_a_task_begins_where_its_countdown_ended_not_where_that_was_noticed() -> None:
+    w, _ = wizard.tick(at(State.COUNTDOWN, task="powerglove_01_index_mcp"), later(READY, 3.08))
+    assert (w.state, w.onset) == (State.TASK_RUN, pytest.approx(READY.t + 3.0))
+
+
+PRESSES = st.tuples(
+    st.sampled_from(list(Act)),
+    st.floats(0, 4),
+    st.floats(0, 0.2),
+    st.booleans(),
+    st.sampled_from(["tapping", "powerglove_03_index_all", "powerglove_15_index_circles", "repeatability_flat"]),
+    st.sampled_from(["routine", "powerglove"]),
+)
+
+
+@given(st.lists(PRESSES, max_size=60))
+def test_whatever_people_press_the_wizard_stays_on_its_table(presses: list[tuple[Act, float, float, bool, str, str]]) -> None:
     w, facts = Wizard(PROTOCOLS, 3.0), READY
-    for what, wait, wander, flowing in presses:
+    for what, wait, wander, flowing, task, group in presses:
         facts = later(facts, wait, wander=wander, flowing=flowing)
         before = w.state
         w, _ = wizard.tick(w, facts)
@@ -128,10 +208,10 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(presses: list[tuple
         assert set(allowed) <= BY_PERSON
         if what in allowed:
             before = w.state
-            w, _ = wizard.act(w, what, facts, "tapping", "reason")
+            w, _ = wizard.act(w, what, facts, task, "reason", group)
             assert w.state is TRANSITIONS[before][what]
         else:
             with pytest.raises(NotNowError):
-                wizard.act(w, what, facts, "tapping")
+                wizard.act(w, what, facts, task)
         assert 0.0 <= wizard.progress(w, facts) <= 1.0
         assert (wizard.remaining(w, facts) or 0.0) >= 0.0

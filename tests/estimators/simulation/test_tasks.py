@@ -13,7 +13,8 @@ from estimators.simulation.motion import COORDINATES, posture
 from tests.simulated import DEG
 
 every_task = pytest.mark.parametrize("name", tasks.TASKS)
-GUIDED = [name for name in tasks.TASKS if name not in ("tapping", "open_close")]
+IN_TIME = [name for name in tasks.TASKS if name.startswith(("powerglove", "repeatability"))]  # their pace is given
+GUIDED = [name for name in tasks.TASKS if name not in ("tapping", "open_close", *IN_TIME)]
 
 
 def _sampled(name: str, hand: Any = "left") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -40,6 +41,36 @@ def test_guided_movements_stay_below_two_radians_a_second(name: str) -> None:
 def test_tapping_is_fast_but_below_what_a_gyroscope_measures() -> None:
     _, dx, _ = _sampled("tapping")
     assert 5.0 < np.abs(dx[:, 6:]).max() < 1000 * DEG
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+def test_what_is_done_in_time_is_within_what_a_gyroscope_measures(name: str) -> None:
+    _, dx, _ = _sampled(name)
+    flexing = [[COORDINATES[f"{f}_{j}_flexion"] for j in ("mcp", "pip", "dip")] for f in ("index", "middle", "little")]
+    fastest = max(np.abs(dx[:, columns].sum(axis=1)).max() for columns in flexing)
+    assert fastest < 2000 * DEG
+    assert (np.abs(dx[:, 6:]).max() > 3.0) == any(f"_{n}_" in name for n in (10, 11, 12, 13, 15))  # rad/s: the fast ones
+
+
+def test_only_the_named_fingers_and_joints_move_in_the_flexion_tasks() -> None:
+    start = tasks.TASKS["powerglove_01_index_mcp"](sized("left")).motion.at(np.array([1.0]))[0]
+    for name in [n for n in IN_TIME if n.startswith("powerglove_0")]:
+        x = _sampled(name)[0]
+        inside = np.abs(x[1000:3000] - start).max(axis=0) > 1e-6
+        moved = {coordinate for coordinate, k in COORDINATES.items() if inside[k]}
+        _, _, who, joints = name.split("_", 3)
+        fingers = ("index", "middle") if who == "both" else (who,)
+        asked = {"mcp": ("mcp",), "pip_dip": ("pip", "dip"), "all": ("mcp", "pip", "dip")}[joints]
+        assert moved == {f"{f}_{j}_flexion" for f in fingers for j in asked}
+
+
+def test_the_index_finger_goes_round_ten_times() -> None:
+    performance = tasks.TASKS["powerglove_15_index_circles"](sized("left"))
+    (event,) = performance.events
+    x = performance.motion.at(np.linspace(event.onset, event.end, 3000))[0]
+    around = [x[:, COORDINATES[f"index_mcp_{angle}"]] for angle in ("flexion", "deviation")]
+    first, second = ((a - (a.max() + a.min()) / 2) / np.ptp(a) for a in around)
+    assert abs(np.ptp(np.unwrap(np.arctan2(second, first)))) / (2 * np.pi) == pytest.approx(10.0, abs=0.02)
 
 
 @every_task

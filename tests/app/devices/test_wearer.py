@@ -1,0 +1,26 @@
+"""The simulated person keeps time with the countdown that the cue tells."""
+
+import numpy as np
+
+from app.devices.virtual_glove.wearer import SimulatedPerson, layout
+from estimators.hand_geometry import sized
+from estimators.samples import GYR
+from estimators.simulation.sensors import IDEAL
+
+CUED, COUNTDOWN = 2.0, 3.0  # s
+
+
+def test_a_movement_in_time_begins_when_the_countdown_is_over() -> None:
+    streams = layout(("index",), 100.0)
+    person = SimulatedPerson("left", sized("left"), streams, np.random.default_rng(0), IDEAL)
+    index = next(s for s in streams if s.name == "index")
+    person.samples(index, 0.0, CUED)
+    assert person.cue("powerglove_01_index_mcp", {"lead": f"{COUNTDOWN:g}"}, CUED)
+    block = person.samples(index, CUED, CUED + COUNTDOWN + 22.0)
+    rate = np.linalg.norm(block.of(GYR)[:, 0], axis=1)
+    t = block.t - CUED - COUNTDOWN
+    assert rate[(t > -1.0) & (t < 0.0)].max() < 1e-6  # waiting
+    bending = np.array([rate[(t > k) & (t < k + 1)].max() for k in range(20)])
+    np.testing.assert_allclose(bending, np.radians(65.0) * 1.875, rtol=1e-3)  # minimum jerk over 1 s each way
+    turning = [rate[np.argmin(np.abs(t - k))] for k in range(1, 21)]
+    assert max(turning) < 1e-3  # at rest with every beat

@@ -1,0 +1,67 @@
+"""What a live session writes into the recording of a task with trials and phases, and what it tells a virtual patient."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from app.live import wizard
+from app.live.station import Station
+from app.live.wizard import Act, State
+from estimators.samples import Event
+from sessions.wire.messages import Cue
+from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
+from tests.app.live.test_wizard import READY
+
+
+def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:  # noqa: F811
+    """Events from now on, as they are written."""
+    events: list[Event] = []
+    monkeypatch.setattr(station.glove, "keep_event", lambda event_id, event: events.append(event))
+    return events
+
+
+def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:  # noqa: F811
+    """A trial was done and a person says what becomes of it."""
+    station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task=task, **times)
+    station._wizard, orders = wizard.act(station._wizard, act, READY, reason="pain")
+    station._do(orders, READY)
+
+
+def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "repeatability_mould", Act.AGAIN, onset=10.0, end=130.0)
+    reviewed(station, "repeatability_mould", Act.ACCEPT, onset=200.0, end=215.0)
+    trials = [(e.onset, e.duration, e.details["trial"]) for e in events if e.trial_type == "task"]
+    assert trials == [(10.0, 120.0, 1), (200.0, 15.0, 2)]
+    phases = [(e.onset, e.duration, e.details["phase"], e.details["repetition"]) for e in events if e.trial_type == "annotation"]
+    assert phases[:3] == [(10.0, 6.0, "grip", 1), (16.0, 6.0, "flat", 1), (22.0, 6.0, "grip", 2)]
+    assert phases[20:] == [(200.0, 6.0, "grip", 1), (206.0, 6.0, "flat", 1)]
+
+
+@pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain")])
+def test_a_trial_that_was_not_accepted_leaves_no_phases(
+    station: Station,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+    act: Act,
+    outcome: str,
+) -> None:
+    events = kept(station, monkeypatch)
+    reviewed(station, "repeatability_mould", act, onset=10.0, end=130.0)
+    assert [(e.trial_type, e.details) for e in events] == [("annotation", {"task_name": "repeatability_mould", "outcome": outcome})]
+
+
+def test_a_task_of_one_trial_has_no_number(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "tapping", Act.ACCEPT, onset=10.0, end=25.0)
+    assert [e.details for e in events] == [{"task_name": "tapping", "outcome": "accepted"}]
+
+
+def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    sent: list[Cue] = []
+    monkeypatch.setattr(station.glove, "send", sent.append)
+    for task in ("powerglove_01_index_mcp", "tapping"):
+        station._wizard = replace(station._wizard, state=State.TASK_READY, task=task)
+        station._wizard, orders = wizard.act(station._wizard, Act.START, READY)
+        station._do(orders, READY)
+    assert sent == [Cue("powerglove_01_index_mcp", {"lead": "3"}), Cue("tapping", {"lead": "3", "duration": "18"})]
