@@ -7,7 +7,7 @@ import numpy as np
 
 from app.protocols import Protocol
 from app.report.content import Task, asked
-from app.report.range_rows import asks_full_range, over_tasks, range_rows
+from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.units import DEG, reading
 from estimators.measures.assessment import TaskResult
 from estimators.measures.figure import Figure
@@ -27,11 +27,14 @@ def readings(content: Mapping[str, Any], figures: list[dict[str, Any]], protocol
 
 
 def _ranges(told: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> list[dict[str, Any]]:
-    """One table over the tasks that asked for the full range, then one for each of the others."""
+    """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
     tasks = [_task(t, protocols.get(t["task"])) for t in told]
     full = [t for t in tasks if asks_full_range(t.result.task)]
-    groups = ([full] if full else []) + [[t] for t in tasks if t not in full]
-    return [{"full": group[0] in full, "tasks": [t.title for t in group], "rows": _rows(group, group[0] in full)} for group in groups]
+    groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
+    return [
+        {"full": group[0] in full, "tasks": list(dict.fromkeys(t.title for t in group)), "rows": _rows(group, group[0] in full)}
+        for group in groups
+    ]
 
 
 def _task(told: Mapping[str, Any], protocol: Protocol | None) -> Task:

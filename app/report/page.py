@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.report.content import CalibrationFacts, Content, StreamFacts, Task
-from app.report.range_rows import asks_full_range
+from app.report.range_rows import asks_full_range, by_task
 from app.report.range_section import range_section
 from app.report.tapping_section import TRIALS, tapping_section
 from app.report.units import DEG, reading
@@ -34,7 +34,7 @@ def words_of(content: Content) -> Page:
         "notice": NOTICE,
         "ranges": [range_section(main, content.measured)] if main else [],
         "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps)) for k in range(0, len(taps), TRIALS)],
-        "further": [range_section([task], content.measured) for task in further],
+        "further": [range_section(trials, content.measured) for trials in further],
         "others": [_other(task) for task in others],
         "calibration": _calibration(content.calibrations),
         "signal": _signal(content),
@@ -46,13 +46,14 @@ def words_of(content: Content) -> Page:
     }
 
 
-def _chosen(content: Content) -> tuple[list[Task], list[Task]]:
-    """The tasks whose ranges make the first page's table, and those that follow one by one."""
+def _chosen(content: Content) -> tuple[list[Task], list[list[Task]]]:
+    """The tasks whose ranges make the first page's table, and the trials of each that follows."""
     ranges = [t for t in content.tasks if t.result.measure == "range_of_motion"]
     full = [t for t in ranges if asks_full_range(t.result.task)]
     if full:
-        return full, [t for t in ranges if not asks_full_range(t.result.task)]
-    return ranges[:1], ranges[1:]
+        return full, by_task([t for t in ranges if not asks_full_range(t.result.task)])
+    first, *further = by_task(ranges) or [[]]
+    return first, further
 
 
 def _facts(content: Content) -> list[list[str]]:

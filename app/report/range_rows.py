@@ -43,6 +43,12 @@ def asks_full_range(task: str) -> bool:
     return "rom" in task.lower().split("_") or "range" in task.lower()
 
 
+def by_task(tasks: Sequence[Task]) -> list[list[Task]]:
+    """Trials of the same task together, in the order in which the tasks began."""
+    names = dict.fromkeys(t.result.task for t in tasks)
+    return [[t for t in tasks if t.result.task == name] for name in names]
+
+
 def over_tasks(tasks: Sequence[Task]) -> list[Range]:
     """Of every angle that a task asked for the largest and the smallest over these tasks, with the worse grade of the two."""
     found = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.report.content import Task
-from app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
+from app.report.range_rows import RangeRow, asks_full_range, by_task, over_tasks, range_rows
 from estimators.measures.assessment import TaskResult
 from estimators.measures.range_of_motion import Range
 from tests.app.report.simulated_sessions import report, session
@@ -28,6 +28,13 @@ def table(ranges: list[Range]) -> dict[tuple[str, str], RangeRow]:
 def test_the_furthest_of_several_tasks_counts() -> None:
     (furthest,) = over_tasks([task(None, pip(5, 80)), task(None, pip(10, 95))])
     np.testing.assert_allclose(np.degrees([furthest.smallest, furthest.largest]), [5, 95], atol=1e-9)
+
+
+def test_trials_of_a_task_stand_together_in_the_order_of_the_tasks() -> None:
+    done = ["open_close", "powerglove_01_index_mcp", "open_close", "rest"]
+    trials = [replace(task(None), result=replace(task(None).result, task=name, onset=float(k))) for k, name in enumerate(done)]
+    assert [[t.result.onset for t in group] for group in by_task(trials)] == [[0.0, 2.0], [1.0], [3.0]]
+    assert by_task([]) == []
 
 
 def test_a_task_that_did_not_ask_for_the_joint_does_not_count() -> None:
