@@ -6,6 +6,7 @@ import os
 import socket
 import sys
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
@@ -59,11 +60,14 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
     base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")
     address = f"{base}/login?token={new_token(arguments.data)}"
-    say(
-        f"Handscope is at  {address}\nThe address works once; print another with: handscope login --data {arguments.data}\nResearch use; not a medical device. Stop with Ctrl-C."
-    )
-    if browser:
-        webbrowser.open(address)
+
+    def announce() -> None:
+        say(
+            f"Handscope is at  {address}\nThe address works once; print another with: handscope login --data {arguments.data}\nResearch use; not a medical device. Stop with Ctrl-C."
+        )
+        if browser:
+            webbrowser.open(address)
+
     config = uvicorn.Config(
         app,
         log_level="warning",
@@ -73,7 +77,20 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         server_header=False,
         proxy_headers=False,
     )
-    uvicorn.Server(config).run(sockets=[listener])
+    _Server(config, announce).run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):  # type: ignore[misc]  # mypy does not follow uvicorn
+    """Says where it is once it answers, and once a signal ends it in good order."""
+
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._announce = announce
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._announce()
 
 
 def _listen(host: str, port: int) -> socket.socket:
