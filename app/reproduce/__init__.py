@@ -17,6 +17,7 @@ REPRODUCTIONS = {
     "table6": "fingertip against the truth, one finger moving, homogeneous field (Salchow-Hoemmen 2019, Table 6)",
     "table7": "known distance between fingertips, whole hand moving near steel (Salchow-Hoemmen 2019, Table 7)",
     "mechanical-finger": "one joint after the other to 90 deg and back (Valtin 2017, Fig. 4)",
+    "kortier2": "fingertip, pinch, fastest movement and repeatability (Kortier's thesis, ch. 2)",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "drift": "10 and 60 minutes without magnetometers",
     "broad": "the fusion on real trials (Laidig et al. 2021)",

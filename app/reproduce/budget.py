@@ -29,6 +29,7 @@ class Sources:
 
     errors: SensorErrors = field(default_factory=SensorErrors)
     pose_error: float = POSE_ERROR
+    wrist_error: float = POSE_ERROR
     lengths: bool = True
 
 
@@ -39,7 +40,8 @@ def _without(*names: str) -> Callable[[Sources], Sources]:
 
 SOURCES: Mapping[str, Callable[[Sources], Sources]] = {
     "misalignment of the sensors": _without("misalignment", "misalignment_width"),
-    "initial pose missed": lambda s: replace(s, pose_error=0.0),
+    "initial pose missed by the fingers": lambda s: replace(s, pose_error=0.0),
+    "initial pose missed by the wrist": lambda s: replace(s, wrist_error=0.0),
     "soft tissue": _without("skin_angle", "skin_shift"),
     "lengths": lambda s: replace(s, lengths=False),
     "gyroscope noise and bias": _without("gyr_noise", "gyr_bias", "gyr_bias_walk"),
@@ -56,7 +58,7 @@ def measure(trial: Trial) -> Mapping[str, tuple[float, float]]:
     """RMSE of tip (cm) and the finger's angles (deg) of all variants of one trial, by `SOURCE off` and `SOURCE alone`."""
     finger, found = TABLE6[trial.experiment].fingers[0], {}
     for name, sources in _variants().items():
-        estimate, truth = estimated(performed(trial, sources.errors, sources.pose_error, sources.lengths), "m2")
+        estimate, truth = estimated(performed(trial, sources.errors, sources.pose_error, sources.lengths, sources.wrist_error), "m2")
         angle = rms(angle_errors(estimate, truth, FINGER_JOINTS[finger]))
         found[name] = (CM * tip_rmse(estimate, truth, [finger]), DEG * angle)
     return found

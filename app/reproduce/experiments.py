@@ -54,11 +54,19 @@ def chosen(names: Sequence[str], table: Mapping[str, Experiment]) -> list[str]:
     return [name for name in table if not names or name in names]
 
 
-def performed(trial: Trial, errors: SensorErrors | None = None, pose_error: float = POSE_ERROR, length_errors: bool = True) -> Simulated:
+def performed(
+    trial: Trial,
+    errors: SensorErrors | None = None,
+    pose_error: float = POSE_ERROR,
+    length_errors: bool = True,
+    wrist_error: float | None = None,
+) -> Simulated:
     """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
-    return recorded(experiment, of_person, errors or SensorErrors(), field, "left", pose_error, length_errors, RATE)
+    return recorded(
+        experiment, of_person, errors or SensorErrors(), field, "left", pose_error, length_errors, RATE, wrist_error_deg=wrist_error
+    )
 
 
 def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
@@ -74,6 +82,11 @@ def estimated(recording: Simulated, variant: str) -> tuple[Trajectory, Trajector
     """The estimate of a method and the truth, where the experiment is judged."""
     name, options = VARIANTS[variant]
     moved = process(METHODS[name], METHODS[name].Params(**options), recording).trajectory
+    return at_the_truths_instants(recording, moved)
+
+
+def at_the_truths_instants(recording: Simulated, moved: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """The estimate and the truth where the experiment is judged."""
     where = judged(recording)
     return _at(moved, _rows(moved.t, recording.truth.t[where])), _at(recording.truth, np.flatnonzero(where))
 

@@ -38,3 +38,24 @@ BROAD: Mapping[str, Mapping[str, float]] = {
     "31_disturbed_stationary_magnet_D": {"total Madgwick": 3.49, "total Mahony": 6.33},
     "33_disturbed_attached_magnet_2cm": {"total Madgwick": 7.09, "total Mahony": 10.96},
 }
+
+# Kortier, thesis ch. 2: tip of the index finger against an optical system (Table 2.2), distance of the tips in a pinch (2.3.2), mm
+KORTIER_TIP: Mapping[str, Mapping[str, float]] = {
+    "brisk flexion": {"x": 2.2, "y": 2.0, "z": 3.3, "tip": 5.0},
+    "brisk circles": {"x": 5.7, "y": 4.9, "z": 9.7, "tip": 12.4},
+    "pinch": {"tip": 6.5},
+}
+# Table 2.3: mean range and SD of all joint angles, deg
+KORTIER_REPEATABILITY: Mapping[str, Mapping[str, float]] = {
+    "flat hand": {"range": 1.1, "SD": 0.4},
+    "clenched mould": {"range": 1.8, "SD": 0.6},
+}
+KORTIER_PIP_RANGE = 80.0  # deg of PIP flexion at 116 movements a minute (2.3.3)
+# Kortier, thesis ch. 3: medians of three subjects; dRMS in deg and mm, the gyroscopes' in % of maximum
+KORTIER_TASKS: Mapping[str, float] = {
+    "ab/adduction (14)": 3.3,
+    "fast PIP": 7.7,
+    "amplitude": 15.8,
+    "amplitude's range": 10.4,
+    "consistency": 7.0,
+}

@@ -1,7 +1,8 @@
 """The experiments of the papers' tables, each as somebody with a hand of their own would do it.
 
 Source  Salchow-Hoemmen 2019, 3.1.3 and Table 4 (10-15 repetitions, 30-50 s, joint rates below 2 rad/s), 3.2 and Table 5 (15-35 s, the hand moving
-        in all directions); Valtin 2017, Fig. 4; open and close at 116 per minute with 80 deg of PIP flexion: Kortier thesis, ch. 2
+        in all directions); Valtin 2017, Fig. 4; flexion, circles, pinches, open and close at 116 per minute with 80 deg of PIP flexion and the
+        repeatability protocol: Kortier thesis, ch. 2
 Limits  how far each joint goes is ours: the papers give numbers of repetitions, durations and greatest rates
 """
 
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_anatomy import IS_DOF, SEGMENTS, Hand
+from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.simulation import guided, held, tasks
@@ -50,8 +51,9 @@ def recorded(
     segments: Sequence[str] = SEGMENTS,
     forearm_rate: float | None = None,
     link: Transmission = WIRED,
+    wrist_error_deg: float | None = None,
 ) -> Simulated:
-    """Somebody with a hand of their own does it; its geometry is what the method is told.
+    """Somebody with a hand of their own does it; its geometry is what the method is told. The wrist misses the pose as the fingers do unless told otherwise.
 
     Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
     """
@@ -59,7 +61,7 @@ def recorded(
     person = drawn(hand, of_person)
     true = person.true if length_errors else person.told
     pose, *rest = experiment.perform(true, of_motion)
-    pose = tasks.initial_pose(true, pose.motion.duration, taken=_missed(tasks.flat(), pose_error_deg, of_pose))
+    pose = tasks.initial_pose(true, pose.motion.duration, taken=_missed(tasks.flat(), pose_error_deg, of_pose, wrist_error_deg))
     return performed([pose, *rest], hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link)
 
 
@@ -69,9 +71,11 @@ def judged(made: Simulated) -> Array:
     return np.asarray(np.any([(t >= e.onset) & (t <= e.end) for e in made.events if e.trial_type == "task"], axis=0))
 
 
-def _missed(pose: Array, largest_deg: float, rng: np.random.Generator) -> Array:
-    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread."""
-    off = np.radians(largest_deg) * rng.uniform(-1, 1, IS_DOF.shape) * IS_DOF
+def _missed(pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg: float | None) -> Array:
+    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread; the wrist's by up to `wrist_deg`."""
+    largest = np.full((len(IS_DOF), 1), largest_deg)
+    largest[JOINT["wrist"]] = largest_deg if wrist_deg is None else wrist_deg
+    off = np.radians(largest) * rng.uniform(-1, 1, IS_DOF.shape) * IS_DOF
     return np.concatenate([pose[:6], pose[6:] + off.ravel()])
 
 
@@ -119,4 +123,19 @@ OTHERS: Mapping[str, Experiment] = {
         Experiment("free", ("thumb", "index", "middle", "ring", "little"), _after_pose(guided.free)),
     )
 }
-EXPERIMENTS: Mapping[str, Experiment] = {**TABLE6, **TABLE7, **OTHERS}
+KORTIER2: Mapping[str, Experiment] = {
+    e.name: e
+    for e in (
+        Experiment("brisk flexion", ("index",), _after_pose(guided.brisk_flexion)),
+        Experiment("brisk circles", ("index",), _after_pose(guided.brisk_circles)),
+        Experiment("pinch", ("thumb", "index"), _after_pose(held.pinches), (held.PINCH.a, held.PINCH.b), held.PINCH.distance),
+        Experiment("flat hand", FINGERS, _after_pose(lambda geometry, rng: tasks.TASKS["repeatability_flat"](geometry))),
+        Experiment("clenched mould", FINGERS, _after_pose(lambda geometry, rng: tasks.TASKS["repeatability_mould"](geometry))),
+    )
+}
+EXPERIMENTS: Mapping[str, Experiment] = {
+    **TABLE6,
+    **TABLE7,
+    **OTHERS,
+    **KORTIER2,
+}  # new ones last: a trial's random numbers go by the place

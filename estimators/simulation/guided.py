@@ -15,7 +15,7 @@ from estimators.samples import Event
 from estimators.simulation.grasp import NATURAL
 from estimators.simulation.motion import COORDINATES, Motion, joined, posture, sampled, through
 from estimators.simulation.tasks import Performance, flat, relaxed
-from estimators.simulation.whole_hand import moving
+from estimators.simulation.whole_hand import gently, moving
 
 FASTEST = 1.9  # rad/s, of a joint: the paper stays below 2
 PEAK = 1.875  # greatest rate of a minimum-jerk movement against its mean rate
@@ -63,6 +63,28 @@ def circling(geometry: HandGeometry, rng: np.random.Generator, name: str, finger
         x[:, COORDINATES[f"{finger}_dip_flexion"]] += np.radians(10.0) * bend
         x[:, COORDINATES[f"{finger}_mcp_deviation"]] += np.radians(12.0) * swing
     return framed(name, sampled(t, x))
+
+
+def brisk_flexion(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """The index finger bent as far as it goes and stretched, five times, a second each. Source: Kortier thesis 2.2.5"""
+    bent = posture(flat(), index_mcp_flexion=80.0, index_pip_flexion=95.0, index_dip_flexion=55.0)
+    points, t = [(0.0, flat())], 0.0
+    for _ in range(5):
+        reached = flat() + rng.uniform(0.9, 1.0) * (bent - flat())
+        for x in (reached, flat()):
+            t += 0.5 * rng.uniform(0.9, 1.1)
+            points.append((t, x))
+    return framed("brisk flexion", through(points))
+
+
+def brisk_circles(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """The outstretched index finger goes round five times, a second each, as far aside as it goes. Source: Kortier thesis 2.2.5"""
+    t, phase = _phase(5, rng.uniform(0.95, 1.05))
+    size = gently(t, 1.0)
+    x = np.tile(flat(), (len(t), 1))
+    x[:, COORDINATES["index_mcp_flexion"]] += np.radians(20.0) * size * np.sin(phase)
+    x[:, COORDINATES["index_mcp_deviation"]] += np.radians(14.0) * size * np.cos(phase)
+    return framed("brisk circles", sampled(t, x))
 
 
 def mechanical_finger(geometry: HandGeometry, rng: np.random.Generator) -> Performance:

@@ -75,15 +75,27 @@ def block(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
 
 def pinch_twice(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
     """P3: distal tips of thumb and index in contact, closed and opened twice; the closed stretches are the task."""
-    shut, pause, gentle = rng.uniform(8.0, 12.0), 3.0, 1.2
-    t = _times(2 * (shut + pause) - gentle)
+    return _pinched("P3", 2, rng.uniform(8.0, 12.0), 3.0, 1.2, geometry, rng)
+
+
+def pinches(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """Ten pinches of thumb and index, each closed for about a second, the hand turning meanwhile. Source: Kortier thesis 2.2.5"""
+    return _pinched("pinch", 10, rng.uniform(1.0, 1.3), 1.6, 0.6, geometry, rng)
+
+
+def _pinched(
+    name: str, times: int, shut: float, pause: float, gentle: float, geometry: HandGeometry, rng: np.random.Generator
+) -> Performance:
+    """Closed for `shut` s and open for `pause` s, opening and closing within `gentle` s each."""
+    t = _times(times * (shut + pause) - gentle)
     x = _held([PINCH], PINCHED, geometry, t, rng)
-    opening = _bump(t, shut, pause, gentle) + _bump(t, 2 * shut + pause, pause, gentle)
+    opening = sum(_bump(t, k * shut + (k - 1) * pause, pause, gentle) for k in range(1, times + 1))
     apart = posture(None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0)
-    whole = framed("P3", sampled(t, x + opening[:, None] * apart))
+    whole = framed(name, sampled(t, x + np.asarray(opening)[:, None] * apart))
     (task,) = whole.events
-    closed_at = (task.onset, task.onset + shut + pause)
-    return replace(whole, events=tuple(replace(task, onset=onset + MARGIN, duration=shut - 2 * MARGIN) for onset in closed_at))
+    margin = min(MARGIN, 0.2 * shut)
+    closed_at = (task.onset + k * (shut + pause) for k in range(times))
+    return replace(whole, events=tuple(replace(task, onset=onset + margin, duration=shut - 2 * margin) for onset in closed_at))
 
 
 def _moved_about(name: str, holds: Sequence[Hold], guess: Array, geometry: HandGeometry, rng: np.random.Generator) -> Performance:

@@ -11,7 +11,7 @@ from app.reproduce.accuracy import angle_errors, distance_rmse, rms, tip_rmse
 from app.reproduce.experiments import VARIANTS, Trial, estimated, in_either_field, performed
 from estimators.errors import InputError
 from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.hand_anatomy import FINGER_JOINTS
+from estimators.hand_anatomy import FINGER_JOINTS, JOINT
 from estimators.simulation.experiments import TABLE7
 from estimators.simulation.sensors import IDEAL
 from estimators.trajectory import Trajectory
@@ -46,8 +46,10 @@ def test_a_budget_switches_off_one_source_and_leaves_the_others() -> None:
     assert len(variants) == 2 + 2 * len(budget.SOURCES)
     assert variants["soft tissue off"].errors == replace(full.errors, skin_angle=0.0, skin_shift=0.0)
     assert variants["soft tissue alone"].errors == replace(silent.errors, skin_angle=2.0, skin_shift=1.0)
-    assert (silent.pose_error, silent.lengths, silent.errors.misalignment, silent.errors.gyr_noise) == (0.0, False, 0.0, 0.0)
-    assert variants["initial pose missed alone"] == replace(silent, pose_error=full.pose_error)
+    assert (silent.pose_error, silent.wrist_error, silent.lengths) == (0.0, 0.0, False)
+    assert (silent.errors.misalignment, silent.errors.gyr_noise) == (0.0, 0.0)
+    assert variants["initial pose missed by the fingers alone"] == replace(silent, pose_error=full.pose_error)
+    assert variants["initial pose missed by the wrist off"] == replace(full, wrist_error=0.0)
 
 
 def test_table_6_judges_the_experiments_asked_for() -> None:
@@ -86,3 +88,15 @@ def test_drift_begins_small_and_is_measured_minute_by_minute(tmp_path: Path) -> 
     assert course.angles.shape == course.tips.shape == (1,)
     assert 0.1 < course.angles[0] < 10.0  # deg
     assert 0.05 < course.tips[0] < 3.0  # cm
+
+
+def test_the_wrist_misses_the_pose_alone_where_it_is_told_to() -> None:
+    missed = [
+        performed(Trial("A-F2", 0), IDEAL, pose_error=pose, length_errors=False, wrist_error=wrist)
+        for pose, wrist in ((0.0, 2.5), (2.5, 0.0))
+    ]
+    for made, wrist_off in zip(missed, (True, False)):
+        pose = next(e for e in made.events if e.trial_type == "initial_pose")
+        held = made.truth.between(pose.onset, pose.end).angles.mean(axis=0)
+        assert bool(np.abs(held[JOINT["wrist"], :2]).max() > 0.01 * DEG) is wrist_off
+        assert bool(np.abs(held[JOINT["index_pip"], 0]) > 0.01 * DEG) is not wrist_off
