@@ -35,3 +35,5 @@ class Calibration:
     warnings: tuple[str, ...] = ()
     north: Mapping[str, float] = field(default_factory=dict)  # rad, heading of magnetic north as each magnetometer saw it in the pose
     rates: Mapping[str, float] = field(default_factory=dict)  # Hz, by stream: how fast its samples come where that is not the rate it names
+    q_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad about the segment's x, y, z, where the movements told it
+    steps: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # quality of the functional steps used, angles in rad

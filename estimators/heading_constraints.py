@@ -7,6 +7,7 @@ Source  ours: one scalar Kalman filter a joint; that joints tell relative headin
 Limits  a joint whose free axis stands upright tells nothing; the thumb's CMC joint is held by its range alone; the hand's own heading stays what it is
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,13 @@ class HeadingParams:
         "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5; size ours",
         least=0.1,
     )
+    joint_play_known: float = option(
+        2.0,
+        "deg",
+        "the same where a functional calibration tells how both sensors of the joint sit",
+        "ours: soft tissue of 1.5 deg and the 1 deg that the calibration leaves",
+        least=0.1,
+    )
     joint_play_time: float = option(1.0, "s", "time over which that turn stays alike", "ours: half a movement", least=0.01)
     heading_known: float = option(10.0, "deg", "a relative heading of larger standard deviation counts as lost", "ours")
 
@@ -50,12 +58,14 @@ class State:
     delta: Array  # (joints,) rad, heading by which the child is turned further on its parent
     variance: Array  # (joints,) rad^2
     doubt: Array  # (segments,) rad^2, heading lost by each sensor so far
+    known: NDArray[np.bool_]  # (joints,) a functional calibration tells how both sensors sit
     t: float = -np.inf  # s, newest look
 
 
-def start() -> State:
-    """At the initial pose: relative headings are what the pose says."""
-    return State(np.zeros(len(JOINTS)), np.zeros(len(JOINTS)), np.zeros(len(SEGMENTS)))
+def start(known: Collection[str] = ()) -> State:
+    """At the initial pose: relative headings are what the pose says. `known`: segments of which a functional calibration tells how the sensor sits."""
+    both = np.array([joint.parent in known and joint.child in known for joint in JOINTS])
+    return State(np.zeros(len(JOINTS)), np.zeros(len(JOINTS)), np.zeros(len(SEGMENTS)), both)
 
 
 def step(
@@ -94,16 +104,17 @@ def _looked(params: HeadingParams, state: State, t: float, q_GB: Array, doubt: A
     walked = state.variance + (params.heading_walk * DEG) ** 2 * seconds
     slow = np.minimum(walked, np.maximum(state.variance, 0.99 * (params.heading_known * DEG) ** 2))  # only a gap loses a heading
     predicted = slow + more[PARENTS] + more[CHILDREN]
-    doubt, play = np.maximum(doubt, state.doubt), (params.joint_play * DEG) ** 2
+    doubt = np.maximum(doubt, state.doubt)
+    play = (np.where(state.known, params.joint_play_known, params.joint_play) * DEG) ** 2
     if (predicted <= play).all():  # the joints know no better
-        return State(state.delta, predicted, doubt, t)
+        return State(state.delta, predicted, doubt, state.known, t)
     miss, slope = _told(state.delta, np.where(usable[:, None], q_GB, np.nan))
     sharpness = (slope * slope).sum(axis=-1)
     learnt = predicted / (1.0 + predicted * sharpness * UPDATE / (play * params.joint_play_time))
     variance = np.maximum(learnt, np.minimum(predicted, play))  # the play stays the same for long: no look tells more than it leaves
     gain = (1.0 - variance / np.where(predicted > 0, predicted, 1.0)) / np.where(sharpness > 0, sharpness, 1.0)
     delta = state.delta + np.where(predicted > variance, gain * (slope * miss).sum(axis=-1), 0.0)
-    return State(delta, variance, doubt, t)
+    return State(delta, variance, doubt, state.known, t)
 
 
 def _told(delta: Array, q_GB: Array) -> tuple[Array, Array]:

@@ -91,14 +91,14 @@ def calibrate(
 ) -> Calibration:
     """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
     window = _stillest(params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose)
-    still = {name: s for b in window for name, s in _sensors(b, params.pose_duration).items()}
+    still = {name: s for b in window for name, s in held(b, params.pose_duration).items()}
     if "hand" not in still:
         raise InputError(
             f"the initial pose at {pose.onset:.1f} s has no samples of the hand's sensor; every other segment is measured against it"
         )
-    quality = {name: _quality(s) for name, s in still.items()}
+    quality = {name: stillness(s) for name, s in still.items()}
     _refuse_movement(params, quality, pose)
-    q_GS, q_BS = _orient(params, still, mounting, pose, _palm_down(hand))
+    q_GS, q_BS = _orient(params, still, mounting, pose, palm_down(hand))
     bias = {name: s.mean[:3] for name, s in still.items()}
     quality = {name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name]) for name, q in quality.items()}
     start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
@@ -145,7 +145,7 @@ class _Still:
     pieces: Array  # (pieces, 6)
 
 
-def _sensors(block: Block, duration: float = 0.0) -> dict[str, _Still]:
+def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
     """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
     values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
     pieces, least = max(1, round(len(block.t) / block.stream.rate)), max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate)
@@ -187,7 +187,8 @@ def _restless(blocks: list[Block], duration: float) -> tuple[int, float]:
     return lacking, spread
 
 
-def _quality(still: _Still) -> SensorQuality:
+def stillness(still: _Still) -> SensorQuality:
+    """How still one sensor was held."""
     rates = still.pieces[:, :3] - still.mean[:3]
     direction = still.pieces[:, 3:] / np.linalg.norm(still.pieces[:, 3:], axis=1, keepdims=True)
     tilt = max(float(np.arccos(np.clip(d @ direction.T, -1, 1)).max()) for d in direction)
@@ -230,7 +231,7 @@ def _up_in_hand(still: Mapping[str, _Still], nominal: Mapping[str, Array], on_ha
     return np.asarray(np.median(ups, axis=0))
 
 
-def _palm_down(hand: Hand) -> Array:
+def palm_down(hand: Hand) -> Array:
     """Orientation of a hand that lies palm down with the fingers along the global y axis: where headings start to count."""
     sign = 1.0 if hand == "left" else -1.0
     return quat.from_matrix(np.column_stack([(0, 0, sign), (0, sign, 0), (-1, 0, 0)]))
@@ -251,5 +252,5 @@ def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: 
 
 def reoriented(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
     """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
-    still = {name: s for b in beginning for name, s in _sensors(b).items()}
+    still = {name: s for b in beginning for name, s in held(b).items()}
     return {name: upright(q_GS, still[name].mean[3:]) for name, q_GS in calibration.q_GS.items() if name in still}

@@ -1,16 +1,17 @@
 """From a recording to the hand's movement: find its calibration events, calibrate, run the method."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from estimators import full_scales, initial_pose, mounting_checks, sensor_checks, trajectory
+from estimators import full_scales, functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import Finding, whole_streams
+from estimators.functional_steps import STEPS, Piece
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.run import run
 from estimators.samples import MAG, Block, Event, Recording, join
@@ -62,7 +63,8 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
     found = sensor_checks.check(blocks, (poses[0].t, poses[0].end))
     broken = {f.sensor for f in found if f.severity == "fault" and f.kind != "magnetometer"}
     pose = replace(initial_pose.pose_of(_poses(recording.events)[0]), onset=poses[0].t, duration=poses[0].end - poses[0].t)
-    return (*found, *(f for f in mounting_checks.check(blocks, recording.mounting, pose, recording.events) if f.sensor not in broken))
+    mounting = {**recording.mounting, **{s: poses[0].q_BS[s] for s in poses[0].q_BS_sd}}  # told by movements: how it sits is known
+    return (*found, *(f for f in mounting_checks.check(blocks, mounting, pose, recording.events) if f.sensor not in broken))
 
 
 def _whole(recording: Recording) -> list[Block]:
@@ -117,7 +119,8 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
         except InputError as problem:
             refused.append(str(problem))
     if found and other is None:
-        return found, refused
+        pieces, spoilt = functional_pieces(params, recording, found)
+        return _functional(params, recording, pieces, found), [*refused, *_flat_hand_told(recording), *spoilt]
     if other is None:
         raise InputError(
             refused[0] if refused else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
@@ -126,6 +129,32 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
         raise InputError(f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one")
     borrowed, more = calibrate(params, other)
     return _borrowed(recording, borrowed[-1], found), refused + more
+
+
+def functional_pieces(params: Any, recording: Recording, poses: Sequence[Calibration]) -> tuple[dict[str, Piece], list[str]]:
+    """Of each functional step among the events the last one that was done well; sentences of the steps that never were."""
+    if not getattr(params, "functional", False) or params.alignment == "heading":
+        return {}, []
+    good: dict[str, Piece] = {}
+    spoilt: dict[str, Piece] = {}
+    for event in sorted((e for e in recording.events if e.trial_type in STEPS), key=lambda e: e.onset):
+        bias = ([c for c in poses if c.t <= event.onset] or list(poses[:1]))[-1].gyr_bias
+        piece = functional_steps.measure(params, event.trial_type, _window(recording, event.onset, event.end), event.onset, event.end, bias)
+        (spoilt if piece.problems else good)[piece.step] = piece
+    return good, [problem for step, piece in spoilt.items() if step not in good for problem in piece.problems]
+
+
+def _functional(params: Any, recording: Recording, pieces: Mapping[str, Piece], poses: list[Calibration]) -> list[Calibration]:
+    """The poses' calibrations with what the pieces tell of the sensors' mounting."""
+    return [functional_calibration.combine(params, pieces, c, recording.mounting) for c in poses] if pieces else poses
+
+
+def _flat_hand_told(recording: Recording) -> list[str]:
+    if all(e.trial_type == "flat_hand" for e in _poses(recording.events)):
+        return [
+            "the recording has no initial_pose event: its flat hand serves as that, the thumb aligned with the fingers where its angles are not told"
+        ]
+    return []
 
 
 def _without_pose(recording: Recording) -> tuple[list[Calibration], list[str]]:
@@ -143,7 +172,9 @@ def _require_magnetometers(params: Any, recording: Recording) -> None:
 
 
 def _poses(events: Sequence[Event]) -> list[Event]:
-    return sorted((e for e in events if e.trial_type == "initial_pose"), key=lambda e: e.onset)
+    """The initial poses in order of time; without any, the flat hands of a functional calibration."""
+    ordered = sorted(events, key=lambda e: e.onset)
+    return [e for e in ordered if e.trial_type == "initial_pose"] or [e for e in ordered if e.trial_type == "flat_hand"]
 
 
 def _from_pose(params: Any, recording: Recording, event: Event) -> Calibration:
@@ -170,14 +201,17 @@ def _beginning(recording: Recording) -> tuple[float, list[Block]]:
 def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) -> list[Calibration]:
     """The other recording's mounting and biases; headings from this recording's own poses, or from assuming that it begins in the pose."""
     if own:
+        seated = [functional_calibration.seated(c, other.q_BS) if other.steps else c for c in own]
         return [
             replace(
                 c,
                 q_BS={**c.q_BS, **other.q_BS},
+                q_BS_sd=other.q_BS_sd,
+                steps=other.steps,
                 gyr_bias={**other.gyr_bias, **c.gyr_bias},
                 source="initial pose, mounting from another recording",
             )
-            for c in own
+            for c in seated
         ]
     start, beginning = _beginning(recording)
     q_GS, rates = initial_pose.reoriented(other, [b.between(start, start + 0.5) for b in beginning]), measured_rates(beginning)

@@ -11,7 +11,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from estimators import forward_kinematics, heading_constraints, initial_pose, joint_angles, magnetometers, sensor_fusion, time_base
+from estimators import (
+    forward_kinematics,
+    functional_steps,
+    heading_constraints,
+    joint_angles,
+    magnetometers,
+    sensor_fusion,
+    time_base,
+)
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
@@ -24,7 +32,7 @@ UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(sensor_fusion.FusionParams, initial_pose.PoseParams, heading_constraints.HeadingParams):
+class Params(sensor_fusion.FusionParams, functional_steps.FunctionalParams, heading_constraints.HeadingParams):
     MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
     constraints: bool = option(
         True,
@@ -56,7 +64,9 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     used = [magnetometers.joined_stream(s) for s in inertial] if params.MAGNETOMETER else inertial
     sensors = {s.name: _sensors(params, calibration, s) for s in used}
     corrected = params.heading_correction and not params.MAGNETOMETER
-    return State(calibration, q_SB, sensors, time_base.start(used), magnetic, heading_constraints.start() if corrected else None)
+    return State(
+        calibration, q_SB, sensors, time_base.start(used), magnetic, heading_constraints.start(calibration.q_BS_sd) if corrected else None
+    )
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:

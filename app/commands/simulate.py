@@ -1,6 +1,7 @@
 """`handscope simulate`: a simulated recording as Motion-BIDS with the truth beside it."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import sized
-from estimators.simulation import captured, tasks
+from estimators.simulation import captured, functional, guided, tasks
 from estimators.simulation.experiments import EXPERIMENTS, recorded
 from estimators.simulation.magnetic_field import MagneticField, homogeneous, office
+from estimators.simulation.person import drawn
 from estimators.simulation.scenario import Simulated, performed, simulate
 from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
 from estimators.simulation.transmission import LINKS
@@ -24,7 +26,8 @@ from sessions.writing import save_file
 
 FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
 
-TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; captured needs --markers"
+FUNCTIONAL = "functional_calibration"
+TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; {FUNCTIONAL}: its steps, then free movement; captured needs --markers"
 PRESETS_TOLD = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
 
 
@@ -49,6 +52,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pose-error", type=float, default=0.0, metavar="DEG", help="an experiment's initial pose is off by up to this in every joint"
     )
+    parser.add_argument(
+        "--misalignment", type=float, metavar="DEG", help="sensors sit up to this askew, about any axis; else as the preset says"
+    )
     parser.add_argument("--markers", type=Path, metavar="FILE.tsv", help="Qualisys export of a hand of --hand: what `captured` moves like")
 
 
@@ -57,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
     if not 0 <= arguments.pose_error <= 30:
         raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
+    if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
+        raise InputError(f"--misalignment {arguments.misalignment:g} deg is outside 0 to 180 deg")
     made = _made(arguments)
     if arguments.out.suffix != ".zip":
         raise InputError(f"{arguments.out} does not end in .zip")
@@ -78,6 +86,8 @@ def as_recording(made: Simulated) -> LoadedRecording:
 def _made(arguments: argparse.Namespace) -> Simulated:
     """A task by the average hand, or an experiment by a person drawn at random."""
     rng, errors = np.random.default_rng(arguments.seed), PRESETS["ideal" if arguments.ideal else arguments.preset]
+    if arguments.misalignment is not None:
+        errors = replace(errors, misalignment=arguments.misalignment / 2, misalignment_width=arguments.misalignment / 2)
     link, field = LINKS[arguments.link], _field(arguments.setting, *rng.spawn(1))
     forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
     if arguments.task == "captured":
@@ -87,13 +97,37 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         return recorded(
             experiment, rng, errors, field, arguments.hand, arguments.pose_error, rate=rate, forearm_rate=forearm_rate, link=link
         )
-    if arguments.task not in tasks.TASKS:
+    if arguments.task not in (*tasks.TASKS, FUNCTIONAL):
         raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_TOLD}")
+    if arguments.task == FUNCTIONAL:
+        return _functional(arguments, rng, errors, field)
     if arguments.pose_error:
         raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_TOLD}")
     names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
     hand = arguments.hand
     return simulate(names, hand, sized(hand), rng, errors, rate=arguments.rate, forearm_rate=forearm_rate, field=field, link=link)
+
+
+def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+    """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error is of every posture held."""
+    of_person, of_motion, of_sensors = rng.spawn(3)
+    person = drawn(arguments.hand, of_person)
+    pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_motion))
+    steps = functional.all_steps(person.true, of_motion, functional.Carelessness(pose=arguments.pose_error))
+    done, link = [pose, *steps, guided.free(person.true, of_motion)], LINKS[arguments.link]
+    forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
+    return performed(
+        done,
+        arguments.hand,
+        person.true,
+        of_sensors,
+        errors,
+        rate=arguments.rate,
+        forearm_rate=forearm_rate,
+        field=field,
+        known=person.told,
+        link=link,
+    )
 
 
 def _captured(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from estimators.methods import m2
+from estimators.processing import process
 from estimators.samples import GYR, MAG
 from sessions import formats
 from sessions.recording import LoadedRecording
@@ -30,6 +32,14 @@ def test_an_experiment_is_a_task_like_any_other(tmp_path: Path) -> None:
     made = _made(tmp_path, "P3 F1-F2", "--seed", "3", "--pose-error", "2.5")
     assert [e.details.get("task_name") for e in made.events if e.trial_type == "task"] == ["P3", "P3"]
     assert "initial_pose" in {e.trial_type for e in made.events}
+
+
+def test_a_functional_calibration_can_be_recorded_with_sensors_put_on_anyhow(tmp_path: Path) -> None:
+    made = _made(tmp_path, "functional_calibration", "--misalignment", "30", "--pose-error", "2.5", "--seed", "4", "--hand", "right")
+    assert {"initial_pose", "flat_hand", "flexion_mcp", "figure_eight", "task"} <= {e.trial_type for e in made.events}
+    found = process(m2, m2.Params(), made).calibrations[0]
+    assert found.source == "initial pose and functional calibration"
+    assert 10 < max(np.degrees(q.misalignment) for q in found.quality.values()) < 35
 
 
 def test_the_disturbed_setting_changes_the_magnetometers_and_nothing_else(tmp_path: Path) -> None:

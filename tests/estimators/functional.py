@@ -1,0 +1,50 @@
+"""Functional calibrations of people with sensors put on anyhow, made once."""
+
+from functools import cache
+
+import numpy as np
+
+from estimators import processing
+from estimators import quaternions as quat
+from estimators.calibration import Calibration
+from estimators.functional_steps import Piece
+from estimators.hand_anatomy import Hand
+from estimators.methods import m2
+from estimators.quaternions import Array
+from estimators.simulation import functional, tasks
+from estimators.simulation.functional import Carelessness, missed
+from estimators.simulation.person import drawn
+from estimators.simulation.scenario import Simulated, performed
+from estimators.simulation.sensors import IDEAL, SensorErrors
+
+ANYHOW = SensorErrors(misalignment=15.0, misalignment_width=15.0)  # up to 30 deg off, about any axis
+PERFECT = Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=2.0)
+TURNED = SensorErrors(**{**{n: getattr(IDEAL, n) for n in IDEAL.__dataclass_fields__}, "misalignment": 15.0, "misalignment_width": 15.0})
+
+
+@cache
+def done(hand: Hand, seed: int = 3, errors: SensorErrors = ANYHOW, care: Carelessness | None = None, after: bool = False) -> Simulated:
+    """The initial pose and all steps; `after` them fists, spreading, the thumb and tapping."""
+    rng, care = np.random.default_rng(seed), care or Carelessness()
+    person = drawn(hand, rng)
+    g = person.true
+    pose = tasks.initial_pose(g, taken=missed(tasks.flat(), care.pose, rng))
+    steps = functional.all_steps(g, rng, care)
+    rest = (tasks.fist_and_stretch(g), tasks.spread_and_close(g), tasks.thumb_across_and_away(g), tasks.tapping(g, 6.0)) if after else ()
+    return performed([pose, *steps, *rest], hand, g, rng, errors, known=person.told)
+
+
+def posed(recording: Simulated) -> Calibration:
+    """The calibration from the initial pose alone."""
+    (calibration,), _ = processing.calibrate(m2.Params(functional=False), recording)
+    return calibration
+
+
+def pieces(recording: Simulated, params: m2.Params | None = None) -> dict[str, Piece]:
+    return processing.functional_pieces(params or m2.Params(), recording, [posed(recording)])[0]
+
+
+def errors_of(recording: Simulated, calibration: Calibration) -> dict[str, Array]:
+    """Turns (3,) in rad, in the segment's frame, between the sensors as they are taken to sit and as they do."""
+    true = dict(zip(recording.sensors.segments, recording.sensors.q_BS))
+    return {s: quat.log(quat.multiply(q, quat.conjugate(true[s]))) for s, q in calibration.q_BS.items()}
