@@ -18,6 +18,7 @@ REPRODUCTIONS = {
     "table7": "known distance between fingertips, whole hand moving near steel (Salchow-Hoemmen 2019, Table 7)",
     "mechanical-finger": "one joint after the other to 90 deg and back (Valtin 2017, Fig. 4)",
     "kortier2": "fingertip, pinch, fastest movement and repeatability (Kortier's thesis, ch. 2)",
+    "kortier3": "fifteen finger tasks after functional calibration (Kortier's thesis, ch. 3)",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "drift": "10 and 60 minutes without magnetometers",
     "broad": "the fusion on real trials (Laidig et al. 2021)",
