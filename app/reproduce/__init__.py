@@ -20,6 +20,7 @@ REPRODUCTIONS = {
     "kortier2": "fingertip, pinch, fastest movement and repeatability (Kortier's thesis, ch. 2)",
     "kortier3": "fifteen finger tasks after functional calibration (Kortier's thesis, ch. 3)",
     "budget": "what each source of error costs: switched off in turn, and alone",
+    "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",
     "drift": "10 and 60 minutes without magnetometers",
     "broad": "the fusion on real trials (Laidig et al. 2021)",
 }

@@ -69,6 +69,13 @@ def performed(
     )
 
 
+def calibrating(trial: Trial) -> Simulated:
+    """The trial's recording with the steps of a functional calibration before the movement, in a homogeneous field."""
+    of_field, of_person = _generators(trial)
+    field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
+    return recorded(experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True)
+
+
 def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
     """The same person and movement near steel furniture and in a homogeneous field."""
     (of_field, of_person), experiment = _generators(trial), _remembering(experiments.EXPERIMENTS[trial.experiment])
