@@ -10,7 +10,6 @@ Limits  an axis is that of everything the segment did: what its parent did is pa
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from estimators import quaternions as quat
 from estimators.quaternions import Array
@@ -94,6 +93,8 @@ def _integral(rate: Array, dt: float) -> Array:
 
 def _edges(angle: Array) -> list[int]:
     """Where single repetitions begin and end: at the straightest moments around each peak."""
+    from scipy.signal import find_peaks  # takes as long to import as all else that a method needs
+
     peaks = find_peaks(angle, prominence=max(0.5 * float(np.ptp(angle)), 1e-6))[0]
     if not len(peaks):
         return [0]
