@@ -1,10 +1,12 @@
 """Samples of all sensors at the instants of the rows, as the fingers' filters take them.
 
 In      inertial blocks as they come; rows of fused orientations once every stream has got that far
-Out     finger_ekf.Samples in segment frames: turns since the row before, specific forces, what may have been missed
+Out     finger_ekf.Samples in the frames that the calibration gives the sensors: turns since the row before, the vertical or specific forces, what may
+        have been missed
 Source  ours: where a gyroscope has no good sample (missing, at its limit, of another rate) its turn is that of the fused orientation, which is bridged
         by estimators/bridging.py and tells how much that may have missed; its bias is not in that turn
-Limits  accelerations of a stream with other instants are interpolated over two samples
+Limits  accelerations of a stream with other instants are interpolated over two samples; where a stream's samples are not at the instants of the rows,
+        its gyroscopes' biases are not found
 """
 
 from collections.abc import Mapping
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
+from estimators.ekf_updates import GRAVITY
 from estimators.finger_ekf import Samples
 from estimators.forward_kinematics import CHAIN_SEGMENTS
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
@@ -25,7 +28,9 @@ from estimators.time_base import Rows
 from estimators.trajectory import Flag
 
 _UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)
-SENSORS = np.column_stack([np.full(len(CHAIN_SEGMENTS), SEGMENT["hand"]), CHAIN_SEGMENTS])  # (5, 4) segments of each finger's sensors
+_WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
+SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
+_JOINTS = np.array([[True] * 3] * 5 + [[True, False, False]])  # (6, 3) which of them are joints: the wrist's chain has one
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,7 @@ class Waiting:
     """Samples of a stream in segment frames, the calibration's biases removed; NaN where not to be used."""
 
     stream: Stream
+    period: float  # s, between samples as they come
     t: Array  # (n,)
     gyr: Array  # (n, sensors, 3) rad/s
     acc: Array  # (n, sensors, 3) m/s^2
@@ -40,14 +46,15 @@ class Waiting:
 
 @dataclass(frozen=True)
 class State:
+    strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
     doubt: Array | None = None  # (segments,) rad^2 there
 
 
-def start() -> State:
-    return State()
+def start(calibration: Calibration) -> State:
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]))
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
@@ -55,14 +62,17 @@ def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> 
     fresh = _in_segments(block, calibration, q_SB)
     before = state.waiting.get(block.stream.name)
     if before is not None and before.stream == block.stream:
-        fresh = Waiting(block.stream, *(np.concatenate([getattr(before, n), getattr(fresh, n)]) for n in ("t", "gyr", "acc")))
+        t, gyr, acc = (np.concatenate([getattr(before, n), getattr(fresh, n)]) for n in ("t", "gyr", "acc"))
+        fresh = replace(fresh, t=t, gyr=gyr, acc=acc)
     return replace(state, waiting={**state.waiting, block.stream.name: fresh})
 
 
-def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, max_gap: float) -> tuple[State, Samples]:
-    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample."""
+def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float) -> tuple[State, Samples]:
+    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
+    `fused`: the vertical is that of the orientations, else the accelerometers'."""
     first = state.q_GB if state.q_GB is not None else q_GB[0]
-    turn = np.nan_to_num(quat.log(quat.relative(np.concatenate([first[None], q_GB[:-1]]), q_GB)), nan=0.0)
+    step = quat.relative(np.concatenate([first[None], q_GB[:-1]]), q_GB)
+    turn = quat.log(np.where(np.isnan(step), quat.IDENTITY, step))
     dt = np.diff(rows.t, prepend=state.t if np.isfinite(state.t) else rows.t[0])
     bias_time, acc = np.zeros(turn.shape[:2]), np.full(turn.shape, np.nan)
     for waiting in state.waiting.values():
@@ -72,12 +82,22 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, max_gap: float
     # the fusion counts a gap once; what is silent goes on turning
     held = ((rows.flags & Flag.MISSING) != 0) & (turn == 0).all(axis=-1) & present
     grown += np.where(held, LOST_DOUBT / max(max_gap, 0.01) * dt[:, None], 0.0)
+    appears = state.strange & present & (np.cumsum(present, axis=0) == 1)
+    grown += np.where(appears, LOST_DOUBT, 0.0)
+    if fused:
+        acc = GRAVITY * _upwards(q_GB)
     acc[(rows.flags & _UNSURE) != 0] = np.nan
-    known = present[:, SENSORS[:, :3]] & present[:, SENSORS[:, 1:]]
+    known = present[:, SENSORS[:, :3]] & present[:, SENSORS[:, 1:]] & _JOINTS
     q_first = np.where(known[..., None], quat.relative(q_GB[:, SENSORS[:, :3]], q_GB[:, SENSORS[:, 1:]]), quat.IDENTITY)
     kept = {name: _pruned(w, float(rows.t[-1])) for name, w in state.waiting.items()}
     samples = Samples(rows.t, turn[:, SENSORS], bias_time[:, SENSORS], acc[:, SENSORS], grown[:, SENSORS], known, q_first)
-    return State(kept, float(rows.t[-1]), q_GB[-1].copy(), rows.doubt[-1].copy()), samples
+    return State(state.strange & ~present.any(axis=0), kept, float(rows.t[-1]), q_GB[-1].copy(), rows.doubt[-1].copy()), samples
+
+
+def _upwards(q_GB: Array) -> Array:
+    """The vertical (..., 3) in each frame: the last row of its rotation matrix."""
+    w, x, y, z = (q_GB[..., k] for k in range(4))
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1)
 
 
 def _in_segments(block: Block, calibration: Calibration, q_SB: Array) -> Waiting:
@@ -87,6 +107,7 @@ def _in_segments(block: Block, calibration: Calibration, q_SB: Array) -> Waiting
     q_BS = np.array([quat.conjugate(q_SB[SEGMENT[s]]) if s in SEGMENTS else quat.IDENTITY for s in block.stream.sensors])
     return Waiting(
         block.stream,
+        1.0 / calibration.rates.get(block.stream.name, block.stream.rate),
         block.t,
         np.where((whole & ~block.at_limit(GYR))[..., None], quat.rotate(q_BS, gyr - bias), np.nan),
         np.where((whole & ~block.at_limit(ACC))[..., None], quat.rotate(q_BS, acc), np.nan),
@@ -101,7 +122,7 @@ def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bi
     sensors, segments = (np.array(c) for c in zip(*columns))
     after = np.minimum(np.searchsorted(waiting.t, t), len(waiting.t) - 1)
     before = np.maximum(after - 1, 0)
-    period = 1.0 / waiting.stream.rate
+    period = waiting.period
     here = waiting.t[after] == t
     gyr = waiting.gyr[:, sensors]
     rates = 0.5 * (gyr[after] + gyr[before]) if instant else gyr[after]
@@ -127,4 +148,4 @@ def _between(
 def _pruned(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(np.searchsorted(waiting.t, t, side="right")) - 1, 0)
-    return Waiting(waiting.stream, waiting.t[first:], waiting.gyr[first:], waiting.acc[first:])
+    return replace(waiting, t=waiting.t[first:], gyr=waiting.gyr[first:], acc=waiting.acc[first:])

@@ -120,7 +120,13 @@ def mean(q: Array) -> Array:
 
 def matrix(q_ab: Array) -> Array:
     """Rotation matrix R_ab (..., 3, 3), v_a = R_ab v_b."""
-    return np.stack([rotate(q_ab, np.broadcast_to(e, (*q_ab.shape[:-1], 3))) for e in np.eye(3)], axis=-1)
+    w, x, y, z = _components(q_ab)
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    R = np.empty((*q_ab.shape[:-1], 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)
+    return R
 
 
 def from_matrix(R_ab: Array) -> Array:

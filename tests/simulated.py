@@ -44,7 +44,7 @@ def in_strips(hand: str) -> Simulated:
     return replace(whole, samples=samples)
 
 
-def calibrated(recording: Simulated, params: m2.Params | None = None) -> Calibration:
+def calibrated(recording: Simulated, params: initial_pose.PoseParams | None = None) -> Calibration:
     """The calibration from the recording's first initial pose."""
     pose = initial_pose.pose_of(next(e for e in recording.events if e.trial_type == "initial_pose"))
     blocks = list(recording.samples.values())

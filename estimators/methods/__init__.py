@@ -2,6 +2,6 @@
 
 from types import ModuleType
 
-from estimators.methods import b, m1, m2
+from estimators.methods import b, ekf, m1, m2
 
-METHODS: dict[str, ModuleType] = {"b": b, "m1": m1, "m2": m2}
+METHODS: dict[str, ModuleType] = {"b": b, "m1": m1, "m2": m2, "ekf": ekf}

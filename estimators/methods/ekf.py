@@ -1,10 +1,10 @@
-"""EKF: joint rotations by a filter a finger that knows how sure it is, the hand and the forearm from gyroscope and accelerometer.
+"""EKF: joint rotations by a filter a chain that knows how sure it is; where the sensors sit is found while the hand moves.
 
 In      inertial blocks of any subset of sensors, a Calibration from the initial pose
-Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame, with the standard deviations of fingers and tips
-Source  Kortier, thesis ch. 2, finger filter (2.3)-(2.32); hand and forearm: as m2 (VQF, Laidig & Seel 2023)
-Limits  magnetometers are not used; the wrist has no standard deviation and the tips' does not count it; a sensor whose samples are not at the instants
-        of the rows (another rate or clock) counts by its orientation from the fusion, interpolated, and by its interpolated acceleration
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame, with the standard deviations of angles and tips
+Source  Kortier, thesis ch. 2, finger filter (2.3)-(2.32); which way is up for each sensor: VQF, Laidig & Seel 2023; seats and skin: ekf_seats.py, ours
+Limits  the hand's own orientation is that of its fusion; a sensor whose samples are not at the instants of the rows (another rate or clock) counts by
+        its orientation from the fusion, interpolated; standard deviations are those of the newest update, up to 0.2 s ago
 """
 
 from collections.abc import Mapping
@@ -13,30 +13,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_alignment, finger_ekf, forward_kinematics, joint_angles, salchow, sensor_fusion, time_base
+from estimators import ekf_alignment, finger_ekf, forward_kinematics, initial_pose, joint_angles, sensor_fusion, time_base
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
+from estimators.ekf_alignment import SENSORS
+from estimators.ekf_updates import angle_jacobian
 from estimators.finger_ekf import FilterParams
-from estimators.forward_kinematics import CHAIN_JOINTS
-from estimators.hand_anatomy import DEVIATION, FLEXION, JOINTS, PRONATION, SEGMENT
+from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS
+from estimators.hand_anatomy import FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS
 from estimators.hand_geometry import HandGeometry
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
-from estimators.trajectory import Trajectory, empty
+from estimators.trajectory import Flag, Trajectory, empty
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
-STEEPEST = np.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
+WRIST = JOINT["wrist"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(FilterParams, salchow.Params):
-    mounting_sd: float = option(
-        2.0,
-        "deg",
-        "turn of a sensor on its segment since the pose, and of the pose against the one asked for; added to every standard deviation",
-        "ours: skin that follows the joint turns a sensor by about this much",
+class Params(FilterParams, sensor_fusion.FusionParams, initial_pose.PoseParams):
+    constraints: bool = option(
+        True,
+        "",
+        "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
+        "Salchow-Hoemmen 2019, 2.4.3",
+    )
+    heading_known: float = option(10.0, "deg", "a joint of larger standard deviation counts as of lost heading", "ours, as in m2")
+    rest_of_sd: float = option(
+        0.3, "deg", "what the filter's model leaves out of every rotation; added to its standard deviations", "ours: accelerometer bias"
     )
     length_sd: float = option(
         0.03,
@@ -44,6 +50,15 @@ class Params(FilterParams, salchow.Params):
         "how far a phalanx, and the place of a knuckle, may be from the model's length; part of the tips' standard deviation",
         "Salchow-Hoemmen 2019, 5: ratios vary from subject to subject by a few percents; size ours",
     )
+
+
+@dataclass(frozen=True)
+class Sure:
+    """What holds from one covariance to the next."""
+
+    angles_sd: Array  # (joints, 3) rad
+    tips_sd: Array  # (5, 3) m
+    lost: NDArray[np.bool_]  # (segments,) the heading is not known
 
 
 @dataclass(frozen=True)
@@ -55,13 +70,30 @@ class State:
     sensors: Mapping[str, sensor_fusion.StreamState]  # by stream
     rows: time_base.State
     raw: ekf_alignment.State  # samples that wait for their rows
-    fingers: finger_ekf.State
+    chains: finger_ekf.State
+    sure: Sure
 
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
     """Begin at the calibration's moment."""
-    begun = salchow.start(params, calibration, streams)
-    return State(calibration, begun.q_SB, begun.sensors, begun.rows, ekf_alignment.start(), finger_ekf.start(params))
+    q_SB = np.tile(quat.IDENTITY, (len(SEGMENTS), 1))
+    for name, q_BS in calibration.q_BS.items():
+        q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
+    inertial = [s for s in streams if s.inertial]
+    sensors = {s.name: _fused(calibration, s) for s in inertial}
+    chains = finger_ekf.start(params, _bias_sd(params, calibration)[SENSORS], params.alignment != "heading")
+    sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
+    return State(calibration, q_SB, sensors, time_base.start(inertial), ekf_alignment.start(calibration), chains, sure)
+
+
+def _bias_sd(params: Params, calibration: Calibration) -> Array:
+    """What the pose leaves of each sensor's bias (segments,), rad/s: of three one-second means the farthest tells how well their mean is known."""
+    wander = [calibration.quality[s].rate_wander if s in calibration.quality else np.radians(3 * params.pose_rate) for s in SEGMENTS]
+    return np.asarray(np.hypot(np.radians(params.bias_sd), np.array(wander) / 3.0))
+
+
+def _fused(calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
+    return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, rate=calibration.rates.get(stream.name))
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
@@ -70,8 +102,7 @@ def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]
         return state, empty(state.calibration.hand)
     fusion = state.sensors.get(block.stream.name)
     if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
-        known = state.calibration
-        fusion = sensor_fusion.start(block.stream, known.q_GS, known.gyr_bias, known.end)
+        fusion = _fused(state.calibration, block.stream)
     fusion, oriented = sensor_fusion.step(params, fusion, block)
     rows, given = time_base.step(state.rows, block.stream, oriented)
     raw = ekf_alignment.taken(state.raw, block, state.calibration, state.q_SB)
@@ -97,78 +128,116 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
 
 
 def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:
-    """Pose of the hand: wrist and hand from the fusion, the fingers from their filters."""
+    """Pose of the hand: its orientation from the fusion, wrist and fingers from their filters."""
     if not len(rows.t):
         return state, empty(state.calibration.hand)
     q_GB = quat.multiply(rows.q_GS, state.q_SB)
-    raw, samples = ekf_alignment.aligned(state.raw, rows, q_GB, params.gyr_reading == "instant", params.max_gap)
-    fingers, found = finger_ekf.step(params, state.fingers, samples)
-    angles = joint_angles.of_segments(q_GB)
-    angles[:, CHAIN_JOINTS] = joint_angles.decompose(np.where(samples.known[..., None], found.q_pc, np.nan))
+    raw, samples = ekf_alignment.aligned(state.raw, rows, q_GB, params.gyr_reading == "instant", params.vertical == "fused", params.max_gap)
+    chains, found = finger_ekf.step(params, state.chains, samples)
+    q_joint, known = _by_joint(found.q_joint), _by_joint(np.where(samples.known, 1.0, 0.0)[..., None]) > 0
+    angles = joint_angles.decompose(q_joint)  # NaN would change the last bit of its neighbours
     if params.constraints:
         angles = joint_angles.constrained(angles)
-    q_pc = joint_angles.compose(angles)
+    q_pc = np.where(known, joint_angles.compose(angles), np.nan)
+    angles = np.where(known, angles, np.nan)
     chained = forward_kinematics.segments_on(q_GB[:, SEGMENT["hand"]], q_pc)
     q_GS = np.where(np.isnan(chained), q_GB, chained)
-    q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
     tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
-    P = found.P + np.radians(params.mounting_sd) ** 2 * np.eye(9)
+    sure = _sure(params, state, found, angles[found.told], q_pc[found.told])
+    newest = np.searchsorted(found.told, np.arange(len(rows.t)), side="right")
+    lost = sure.lost[newest] & ((rows.flags & Flag.HEADING_LOST) != 0)
     moved = Trajectory(
         state.calibration.hand,
         rows.t,
         joint_angles.only_freedoms(angles),
         q_GS,
         tips,
-        rows.flags,
-        _angles_sd(angles, P, samples.known),
-        np.where(np.isnan(tips), np.nan, _tips_sd(params, q_pc, state.calibration.geometry, P)),
+        (rows.flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost,
+        np.where(np.isnan(angles), np.nan, sure.angles_sd[newest]),
+        np.where(np.isnan(tips), np.nan, sure.tips_sd[newest]),
     )
-    return replace(state, raw=raw, fingers=fingers), moved
+    last = Sure(sure.angles_sd[-1], sure.tips_sd[-1], sure.lost[-1])
+    return replace(state, raw=raw, chains=chains, sure=last), moved
 
 
-def _angles_sd(angles: Array, P: Array, known: NDArray[np.bool_]) -> Array:
-    """Standard deviations (n, joints, 3) of the fingers' angles from the covariances (n, 5, 9, 9) of their rotations."""
-    found = np.full((len(angles), len(JOINTS), 3), np.nan)
-    J = angle_jacobian(angles[:, CHAIN_JOINTS])
+def _by_joint(values: Array) -> Array:
+    """Values (n, joints, k) of those of the chains (n, 6, 3, k)."""
+    found = np.empty((len(values), len(JOINTS), values.shape[-1]))
+    found[:, CHAIN_JOINTS], found[:, WRIST] = values[:, :5], values[:, 5, 0]
+    return found
+
+
+def _sure(params: Params, state: State, found: finger_ekf.Estimate, angles: Array, q_pc: Array) -> Sure:
+    """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them; angles and q_pc where told."""
+    before = Sure(state.sure.angles_sd[None], state.sure.tips_sd[None], state.sure.lost[None])
+    if not len(found.told):
+        return before
+    P = found.P + np.radians(params.rest_of_sd) ** 2 * np.eye(9)
+    return Sure(
+        np.concatenate([before.angles_sd, _angles_sd(angles, P)]),
+        np.concatenate([before.tips_sd, _tips_sd(params, q_pc, state.calibration.geometry, P)]),
+        np.concatenate([before.lost, _lost(params, P)]),
+    )
+
+
+def _lost(params: Params, P: Array) -> NDArray[np.bool_]:
+    """Which segments (n, segments) are not known against the hand: a joint between them is not."""
+    unsure = np.stack([P[..., 3 * j : 3 * j + 3, 3 * j : 3 * j + 3].diagonal(axis1=-2, axis2=-1).max(axis=-1) for j in range(3)], axis=-1)
+    unsure = unsure > np.radians(params.heading_known) ** 2
+    lost = np.ones((len(P), len(SEGMENTS)), bool)
+    lost[:, CHAIN_SEGMENTS] = np.logical_or.accumulate(unsure[:, :5], axis=-1)
+    lost[:, SEGMENT["forearm"]], lost[:, SEGMENT["hand"]] = unsure[:, 5, 0], False
+    return lost
+
+
+def _angles_sd(angles: Array, P: Array) -> Array:
+    """Standard deviations (n, joints, 3) of the angles from the covariances (n, 6, 9, 9) of their rotations."""
+    found = np.empty((len(angles), len(JOINTS), 3))
+    J = angle_jacobian(angles)
     for j in range(3):
-        own = P[:, :, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
-        variance = np.stack([_quadratic(J[:, :, j, a], own) for a in range(3)], axis=-1)
-        found[:, CHAIN_JOINTS[:, j]] = np.where(known[:, :, j, None], np.sqrt(variance), np.nan)
+        own = P[:, :5, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
+        found[:, CHAIN_JOINTS[:, j]] = _deviations(J[:, CHAIN_JOINTS[:, j]], own)
+    found[:, WRIST] = _deviations(J[:, WRIST], P[:, 5, :3, :3])
     return joint_angles.only_freedoms(found)
 
 
-def angle_jacobian(angles: Array) -> Array:
-    """How flexion, deviation and pronation (..., 3) change with dth, q_true = q exp(dth): (..., 3 angles, 3)."""
-    deviation = np.minimum(np.maximum(angles[..., DEVIATION], -STEEPEST), STEEPEST)
-    c, s, cd, td = np.cos(angles[..., PRONATION]), np.sin(angles[..., PRONATION]), np.cos(deviation), np.tan(deviation)
-    J = np.zeros((*angles.shape, 3))
-    J[..., FLEXION, 0], J[..., FLEXION, 2] = -s / cd, c / cd
-    J[..., DEVIATION, 0], J[..., DEVIATION, 2] = c, s
-    J[..., PRONATION, 0], J[..., PRONATION, 1], J[..., PRONATION, 2] = s * td, 1.0, -c * td
-    return J
+def _deviations(J: Array, P: Array) -> Array:
+    """Square roots (..., a) of the diagonal of J P J', of J (..., a, m) and P (..., m, m)."""
+    return np.asarray(np.sqrt(np.maximum(((J @ P) * J).sum(axis=-1), 0.0)))
 
 
 def _tips_sd(params: Params, q_pc: Array, geometry: HandGeometry, P: Array) -> Array:
-    """Standard deviations (n, 5, 3) of the tips along the axes of WCS: of rotations and of lengths."""
-    places = _places(q_pc, geometry)
-    bones = np.concatenate([places[:, :, :1], np.diff(places, axis=2)], axis=2) ** 2
+    """Standard deviations (n, 5, 3) of the tips along the axes of WCS: of the fingers' rotations, the wrist's where it is measured, and of lengths."""
+    at = places(q_pc, geometry)
+    bones = np.concatenate([at[:, :, :1], np.diff(at, axis=2)], axis=2) ** 2
     of_lengths = params.length_sd**2 * (bones[:, :, 0] + bones[:, :, 1] + bones[:, :, 2] + bones[:, :, 3])
-    J = tip_jacobian(q_pc, geometry)
-    return np.asarray(np.sqrt(of_lengths + np.stack([_quadratic(J[:, :, a], P) for a in range(3)], axis=-1)))
+    of_fingers = _deviations(tip_jacobian(q_pc, at), P[:, :5]) ** 2
+    measured = np.isfinite(q_pc[:, WRIST, 0])[:, None, None]
+    of_wrist = np.where(measured, _deviations(wrist_jacobian(q_pc, at), P[:, None, 5, :3, :3]) ** 2, 0.0)
+    return np.asarray(np.sqrt(of_lengths + of_fingers + of_wrist))
 
 
-def tip_jacobian(q_pc: Array, geometry: HandGeometry) -> Array:
-    """How the tips in WCS change with the errors dth of their chain's joints: (n, 5, 3, 9). (23)-(27) of Salchow-Hoemmen 2019, differentiated"""
-    places = _places(q_pc, geometry)
+def wrist_jacobian(q_pc: Array, at: Array) -> Array:
+    """How the tips in WCS, the last of `places` (n, 5, 4, 3), change with the error of the wrist's rotation: (n, 5, 3, 3)."""
+    q = _wrist(q_pc)[:, None]
+    arm = quat.rotate(quat.conjugate(q), at[:, :, 3])  # from the wrist's centre, in the hand's frame
+    return np.asarray(quat.matrix(q) @ -quat.skew(arm))
+
+
+def tip_jacobian(q_pc: Array, at: Array) -> Array:
+    """How the tips in WCS, the last of `places` (n, 5, 4, 3), change with the errors of their chain's joints: (n, 5, 3, 9).
+
+    Source: Salchow-Hoemmen 2019, (23)-(27), differentiated.
+    """
     q_WB = forward_kinematics.segments_on(_wrist(q_pc), q_pc)[:, forward_kinematics.CHAIN_SEGMENTS]
-    J = np.empty((*places.shape[:2], 3, 9))
+    J = np.empty((*at.shape[:2], 3, 9))
     for j in range(3):
-        arm = quat.rotate(quat.conjugate(q_WB[:, :, j]), places[:, :, 3] - places[:, :, j])  # from the joint's centre to the tip
-        J[..., 3 * j : 3 * j + 3] = _product(quat.matrix(q_WB[:, :, j]), -quat.skew(arm))
+        arm = quat.rotate(quat.conjugate(q_WB[:, :, j]), at[:, :, 3] - at[:, :, j])  # from the joint's centre to the tip
+        J[..., 3 * j : 3 * j + 3] = quat.matrix(q_WB[:, :, j]) @ -quat.skew(arm)
     return J
 
 
-def _places(q_pc: Array, geometry: HandGeometry) -> Array:
+def places(q_pc: Array, geometry: HandGeometry) -> Array:
     """Centres of each chain's joints and its tip (n, 5, 4, 3) in WCS."""
     roots = quat.rotate(_wrist(q_pc)[:, None], geometry.roots())
     return np.concatenate([roots[:, :, None], forward_kinematics.joint_places(q_pc, geometry)], axis=2)
@@ -178,21 +247,3 @@ def _wrist(q_pc: Array) -> Array:
     """From the hand to WCS (n, 4); an unknown wrist counts as neutral, as in forward kinematics."""
     q = q_pc[:, 0]
     return np.where(np.isnan(q), quat.IDENTITY, q)
-
-
-def _product(a: Array, b: Array) -> Array:
-    """Matrix products (..., 3, 3), elementwise over the leading axes."""
-    return np.asarray(
-        a[..., :, 0, None] * b[..., 0, None, :] + a[..., :, 1, None] * b[..., 1, None, :] + a[..., :, 2, None] * b[..., 2, None, :]
-    )
-
-
-def _quadratic(v: Array, P: Array) -> Array:
-    """v' P v (...) of v (..., m) and P (..., m, m), elementwise over the leading axes."""
-    total = np.zeros(v.shape[:-1])
-    for i in range(v.shape[-1]):
-        along = np.zeros(v.shape[:-1])
-        for k in range(v.shape[-1]):
-            along += P[..., i, k] * v[..., k]
-        total += v[..., i] * along
-    return np.maximum(total, 0.0)
