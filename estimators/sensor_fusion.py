@@ -239,13 +239,14 @@ def _fuse(
     for first, last, known in _stretches(params, sensor, block.t[:count], whole[:count]):
         if known:
             late = sensor.start is not None and sensor.filter_state is None and block.t[first] - sensor.known_until > params.max_gap
-            sensor = replace(sensor, lost=bool(sensor.lost or late), doubt=sensor.doubt + (LOST_DOUBT if late else 0.0))
+            sensor = replace(sensor, lost=True, doubt=sensor.doubt + LOST_DOUBT) if late else sensor
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
-            sensor = replace(sensor, doubt=float(doubt[last - 1]))
             sensor, q_GS[first:last], disturbed = _filter(params, sensor, period, block, filled, first, last)
             fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
             flags[first:last] = _headless(sensor, fresh) | np.uint8(Flag.MAGNETIC) * disturbed
-            sensor = replace(sensor, lost=bool(sensor.lost and not fresh[-1]), northed=bool(sensor.northed or fresh[-1]))
+            known_now = float(doubt[last - 1]), bool(sensor.lost and not fresh[-1]), bool(sensor.northed or fresh[-1])
+            if known_now != (sensor.doubt, sensor.lost, sensor.northed):  # rarely: a copy of all fields costs as much as the filter's step
+                sensor = replace(sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2])
         else:
             begins = not sensor.absent and sensor.q_GS is not None
             sensor = replace(
@@ -322,7 +323,8 @@ def _filter(
         tauMag=params.tau_mag,
         magDistRejectionEnabled=params.mag_rejection,
     )
-    vqf.state = dict(_filter_start(vqf.state, sensor, samples[0]))
+    goes_on = sensor.filter_state is not None and not sensor.absent
+    vqf.state = dict(sensor.filter_state if goes_on else _filter_start(vqf.state, sensor, samples[0]))  # type: ignore[arg-type]
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
@@ -372,9 +374,7 @@ def _midway(sensor: SensorState, gyr: Array) -> Array:
 
 
 def _filter_start(fresh: Mapping[str, Any], sensor: SensorState, sample: Array) -> Mapping[str, Any]:
-    """The filter's state to go on from: its own, or after a long gap a fresh one with the old heading, bias and the new inclination."""
-    if sensor.filter_state is not None and not sensor.absent:
-        return sensor.filter_state
+    """A fresh filter's state at its first sample, after a long gap with the old heading, bias and the new inclination."""
     if sensor.filter_state is None:
         q = sensor.start if sensor.start is not None else upright(np.array([1.0, 0, 0, 0]), sample[3:6])
         return {**fresh, "accQuat": [float(x) for x in q], "delta": sensor.north or 0.0}
