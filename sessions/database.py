@@ -10,6 +10,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
+from sessions import repeatability
 
 FILE = "handscope.sqlite"
 
@@ -27,7 +28,9 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
         raise InputError(
             f"the database {place} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
         ) from None
-    return sessionmaker(engine, expire_on_commit=False)
+    database = sessionmaker(engine, expire_on_commit=False)
+    repeatability.keep(database)
+    return database
 
 
 def upgrade(engine: Engine, to: str = "head") -> None:

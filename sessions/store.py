@@ -8,6 +8,7 @@ from pathlib import Path
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
+from sessions import repeatability
 from sessions.database import open_database
 
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
@@ -59,4 +60,6 @@ def open_store(folder: Path, url: str | None = None) -> Store:
         raise InputError(f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data") from None
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
-    return Store(folder, open_database(folder, url), url)
+    database = open_database(folder, url)
+    repeatability.fill(database)
+    return Store(folder, database, url)

@@ -114,6 +114,38 @@ class Result(Base):
     recording: Mapped[RecordingFile] = relationship(back_populates="results")
 
 
+class Repeatability(Base):
+    """How far a figure comes out alike when measured again: derived from results, never edited (sessions/repeatability.py). SI units.
+
+    Of one patient (device is ""), or of one glove over all patients who wore it (patient is None).
+    """
+
+    __tablename__ = "repeatability"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int | None] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    device: Mapped[str] = mapped_column(String(200), default="", index=True)  # the glove's number
+    hand: Mapped[str] = mapped_column(String(5))
+    method: Mapped[str] = mapped_column(String(32))
+    parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    measure: Mapped[str] = mapped_column(String(32))
+    task: Mapped[str]
+    name: Mapped[str] = mapped_column(String(64))  # of the figure: index_pip_flexion_max
+    unit: Mapped[str] = mapped_column(String(16))
+    sem: Mapped[float]
+    mdc95: Mapped[float]
+    mdc95_low: Mapped[float]  # ends of the 95 % interval
+    mdc95_high: Mapped[float]
+    icc: Mapped[float | None]  # ICC(2,1); None where fewer than two people were measured again
+    icc_low: Mapped[float | None]
+    icc_high: Mapped[float | None]
+    people: Mapped[int]
+    sessions: Mapped[int]
+    freedom: Mapped[int]  # degrees of freedom of the SEM
+    results: Mapped[list[Any]] = mapped_column(default=list)  # ids that it comes from
+    computed: Mapped[datetime] = mapped_column(default=now)
+
+
 class Login(Base):
     """A browser that has logged in: the hash of its cookie."""
 

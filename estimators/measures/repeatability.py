@@ -69,6 +69,16 @@ class Reliability:
     mdc95: Interval  # from `sem`
 
 
+@dataclass(frozen=True)
+class Within:
+    """SEM and MDC from groups of repeated measurements of unequal size, each group of one person while nothing changed; in the values' unit."""
+
+    measurements: int  # in groups of two and more
+    freedom: int  # measurements less groups
+    sem: Interval
+    mdc95: Interval
+
+
 def held_angles(moved: Trajectory, holds: Sequence[tuple[float, float]], settling: float = SETTLING) -> Array:
     """Mean of every freedom's angle (holds, DOF_NAMES) rad over each hold (start, stop) s, its ends left out; NaN where not measured."""
     columns = [(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]
@@ -111,6 +121,20 @@ def reliability(values: Array) -> Reliability:
     satterthwaite = within**2 / ((jms / n) ** 2 / (k - 1) + ((n - 1) * ems / n) ** 2 / free) if within > 0 else float(n * (k - 1))
     sem = _sem(within, satterthwaite)
     return Reliability(n, k, _icc21(bms, jms, ems, n, k), _icc31(bms, ems, n, k), sem, _sem(ems, free), _scaled(sem, MDC))
+
+
+def within(groups: Sequence[Sequence[float]]) -> Within | None:
+    """The pooled standard deviation within groups (Bland & Altman 1996, BMJ 312:1654); of equal groups it is `reliability`'s SEM for agreement.
+
+    A group of one tells nothing and is left out; None where none is left.
+    """
+    repeated = [np.asarray(g, float) for g in groups if len(g) > 1]
+    if not repeated:
+        return None
+    n = sum(len(g) for g in repeated)
+    freedom = n - len(repeated)
+    sem = _sem(sum(float(((g - g.mean()) ** 2).sum()) for g in repeated) / freedom, freedom)
+    return Within(n, freedom, sem, _scaled(sem, MDC))
 
 
 def _icc21(bms: float, jms: float, ems: float, n: int, k: int) -> Interval:

@@ -5,7 +5,7 @@ import pytest
 
 from estimators.errors import InputError
 from estimators.hand_anatomy import DOF_NAMES
-from estimators.measures.repeatability import held_angles, reliability, spread
+from estimators.measures.repeatability import held_angles, reliability, spread, within
 from tests.estimators.measures.movements import moving
 from tests.simulated import DEG
 
@@ -58,6 +58,20 @@ def test_one_patient_has_an_sem_but_no_icc() -> None:
     assert found.sem.value == pytest.approx(np.std([50, 53, 47, 52], ddof=1))
     assert np.isnan(found.icc_agreement.value)
     assert found.mdc95.low < found.mdc95.value < found.mdc95.high
+
+
+def test_within_groups_of_unequal_size_is_the_mean_square_of_an_analysis_of_variance() -> None:
+    found = within([[1.0, 3.0], [10.0], [5.0, 5.0, 8.0]])
+    assert found is not None
+    assert (found.measurements, found.freedom) == (5, 3)
+    assert found.sem.value == pytest.approx(np.sqrt((2 + 6) / 3))
+    assert within([[1.0], [2.0]]) is None
+    equal = within(SHROUT_FLEISS.tolist())
+    assert equal is not None
+    assert equal.sem.value == pytest.approx(reliability(SHROUT_FLEISS).sem.value)
+    rng = np.random.default_rng(5)
+    sems = [w.sem for _ in range(1500) if (w := within([rng.normal(m, 3, k).tolist() for m, k in ((50, 2), (70, 3), (60, 1), (65, 4))]))]
+    assert 0.935 < np.mean([i.low <= 3.0 <= i.high for i in sems]) < 0.965  # 95 %
 
 
 def test_incomplete_and_equal_measurements() -> None:
