@@ -2,16 +2,27 @@
 
 from typing import Literal, cast
 
+from sqlalchemy.orm import object_session
+
 from app.options import with_options
 from app.protocols import load_all
+from app.report.changes import Changes, changes
 from app.report.content import Content, Visit, content
 from app.results import computed
 from app.version import software_version
 from estimators.measures.assessment import assess
 from estimators.methods import METHODS
-from sessions import records
+from sessions import records, repeatability
 from sessions.store import Store
 from sessions.tables import Result
+
+
+def changes_of(result: Result) -> Changes | None:
+    """What changed in a kept result since the patient's session before."""
+    db = object_session(result)
+    assert db is not None
+    told = repeatability.comparison(db, result)
+    return changes(told) if told else None
 
 
 def report(store: Store, result: Result) -> Content:
@@ -28,4 +39,4 @@ def report(store: Store, result: Result) -> Content:
     )
     tasks = assess(processed.trajectory, recording.events)
     params = with_options(METHODS[result.method].Params, result.parameters)
-    return content(visit, recording, processed, result.method, params, tasks, software_version(), load_all())
+    return content(visit, recording, processed, result.method, params, tasks, software_version(), load_all(), changes_of(result))

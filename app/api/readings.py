@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from app.protocols import Protocol
+from app.report.change_words import row_words, tapping_words
+from app.report.changes import Changes
 from app.report.content import Task, asked
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.units import DEG, reading
@@ -16,23 +18,36 @@ from estimators.measures.range_of_motion import Range
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 
 
-def readings(content: Mapping[str, Any], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> dict[str, Any]:
+def readings(
+    content: Mapping[str, Any], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], changes: Changes | None = None
+) -> dict[str, Any]:
     """Tables for pages from a kept result's content and figures; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
-        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols),
+        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, changes),
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols),
         "calibration": _calibration(content.get("calibration")),
+        "changes": _changes(changes, protocols) if changes else None,
     }
 
 
-def _ranges(told: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> list[dict[str, Any]]:
+def _changes(changes: Changes, protocols: Mapping[str, Protocol]) -> dict[str, Any]:
+    """Since when, judged by what, and the words for the means of the tapping tasks' trials; those for ranges stand in their rows."""
+    tapping = [
+        {"title": _title({"task": task}, protocols.get(task)), "figures": [{"name": name, "words": words} for name, words in said.items()]}
+        for task, said in tapping_words(changes).items()
+    ]
+    sources = {measure: changes.sources(measure) for measure in ("range_of_motion", "tapping")}
+    return {"since": changes.since, "sources": sources, "tapping": tapping}
+
+
+def _ranges(told: list[dict[str, Any]], protocols: Mapping[str, Protocol], changes: Changes | None) -> list[dict[str, Any]]:
     """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
     tasks = [_task(t, protocols.get(t["task"])) for t in told]
     full = [t for t in tasks if asks_full_range(t.result.task)]
     groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
     return [
-        {"full": group[0] in full, "tasks": list(dict.fromkeys(t.title for t in group)), "rows": _rows(group, group[0] in full)}
+        {"full": group[0] in full, "tasks": list(dict.fromkeys(t.title for t in group)), "rows": _rows(group, group[0] in full, changes)}
         for group in groups
     ]
 
@@ -44,7 +59,7 @@ def _task(told: Mapping[str, Any], protocol: Protocol | None) -> Task:
     )
 
 
-def _rows(tasks: list[Task], full: bool) -> list[dict[str, Any]]:
+def _rows(tasks: list[Task], full: bool, changes: Changes | None) -> list[dict[str, Any]]:
     return [
         {
             "group": r.group,
@@ -54,6 +69,7 @@ def _rows(tasks: list[Task], full: bool) -> list[dict[str, Any]]:
             "sideways": r.sideways,
             "grade": r.grade,
             "reasons": list(r.reasons),
+            "changes": row_words(changes, tasks, r) if changes else {},
         }
         for r in range_rows(over_tasks(tasks), full)
     ]

@@ -12,6 +12,7 @@ from app.api.state import Db, PartsDep
 from app.jobs import make_derivative, make_report
 from app.live.curve import value_of
 from app.protocols import load_all
+from app.reporting import changes_of
 from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_anatomy import DOF_NAMES
@@ -41,7 +42,7 @@ def read_result(db: Db, result_id: int) -> dict[str, Any]:
         "figures": r.figures,
         "content": r.content,
         "warnings": r.warnings,
-        "readings": readings(r.content, r.figures, load_all()),
+        "readings": readings(r.content, r.figures, load_all(), changes_of(r) if r.state == "done" else None),
         "checksum": r.recording.sha256,
     }
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from app.protocols import Protocol
+from app.report.changes import Changes
 from estimators.calibration import SensorQuality
 from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from estimators.measures import MEASURES
@@ -136,6 +137,7 @@ class Content:
     measured: tuple[str, ...]  # segments that carry a sensor
     flagged: tuple[Flagged, ...]
     warnings: tuple[str, ...]
+    changes: Changes | None = None  # since the patient's session before; None where there is nothing to compare with
 
 
 def content(
@@ -147,6 +149,7 @@ def content(
     results: Sequence[TaskResult],
     software: str,
     protocols: Mapping[str, Protocol],
+    changes: Changes | None = None,
 ) -> Content:
     """Gather a session: its recording, what the method (a name of METHODS) with its params made of it, what was measured on that.
 
@@ -165,6 +168,7 @@ def content(
         measured,
         tuple(_flagged(processed.trajectory, results, measured)),
         processed.warnings,
+        changes,
     )
 
 

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from app.report import plots
+from app.report.change_words import range_changes
+from app.report.changes import Changes
 from app.report.content import Curve, Task
 from app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
 from app.report.references import Reference, references, smallest_change
@@ -17,7 +19,7 @@ from estimators.measures.range_of_motion import Range
 CHART_WIDTH, CURVES = 206.0, (516.0, 54.0)  # pt
 
 
-def range_section(tasks: Sequence[Task], measured: Sequence[str]) -> dict[str, Any]:
+def range_section(tasks: Sequence[Task], measured: Sequence[str], changes: Changes | None = None) -> dict[str, Any]:
     full = asks_full_range(tasks[0].result.task)
     ranges = over_tasks(tasks)
     rows = range_rows(ranges, full)
@@ -38,7 +40,8 @@ def range_section(tasks: Sequence[Task], measured: Sequence[str]) -> dict[str, A
         "curves_alt": "Flexion over time, one panel for the wrist and each finger, in degrees.",
         "curves_label": "Flexion in degrees over seconds of the tasks. Solid: MCP (thumb: CMC); dashed: PIP (MCP); dotted: DIP (IP).",
         "remarks": [*_reasons(rows), *_without(ranges, measured)],
-        "caption": _caption(rows, ticks),
+        "changes": range_changes(changes, tasks, rows) if changes else "",
+        "caption": _caption(rows, ticks, changes),
     }
 
 
@@ -54,11 +57,10 @@ def _joined_curves(tasks: Sequence[Task]) -> list[Curve]:
     return joined
 
 
-def _caption(rows: Sequence[RangeRow], ticks: Sequence[Reference]) -> list[str]:
+def _caption(rows: Sequence[RangeRow], ticks: Sequence[Reference], changes: Changes | None) -> list[str]:
     change = smallest_change()
     trusted = (
-        f"A change of a joint by less than {change.degrees:g}° between sessions can be measurement error ({change.source.name}, optical; "
-        "this glove's own is not yet known)."
+        f"A change of a joint by less than {change.value:g}° between sessions can be measurement error ({change.source.name}, optical)."
     )
     return [
         f"Largest and smallest angles held for at least {range_of_motion.Params().hold / 2:g} s.",
@@ -67,7 +69,7 @@ def _caption(rows: Sequence[RangeRow], ticks: Sequence[Reference]) -> list[str]:
         else "The task did not ask for the full range.",
         "Bars: solid for a good signal, light for fair, hatched for poor.",
         "CMC flexion is palmar abduction, CMC turn pronation; abd. of a finger is away from the middle finger.",
-        trusted if ticks else "",
+        trusted if ticks and not changes else "",
     ]
 
 

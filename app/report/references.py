@@ -31,9 +31,9 @@ class Reference:
 
 @dataclass(frozen=True)
 class SmallestChange:
-    """What a change of a joint's angle between sessions must exceed to be more than measurement error."""
+    """What a change of a figure between sessions must exceed to be more than measurement error."""
 
-    degrees: float
+    value: float  # deg; of a rate per s
     source: Source
     note: str
 
@@ -55,6 +55,14 @@ def smallest_change() -> SmallestChange:
     file = _file()
     value = file["smallest_change"]
     return SmallestChange(float(value["degrees"]), Source(**file["sources"][value["source"]]), value["note"])
+
+
+@cache
+def smallest_change_of_rate() -> SmallestChange:
+    """The same for the rate of tapping."""
+    file = _file()
+    value = file["smallest_change_of_rate"]
+    return SmallestChange(float(value["per_second"]), Source(**file["sources"][value["source"]]), value["note"])
 
 
 def _file() -> dict[str, Any]:

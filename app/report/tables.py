@@ -51,6 +51,7 @@ def json(content: Content) -> bytes:
             "measured_segments": content.measured,
             "flagged": content.flagged,
             "warnings": content.warnings,
+            "changes": content.changes,
             "figures": rows(content),
         },
         default=str,

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from app.report import plots
+from app.report.change_words import tapping_changes
+from app.report.changes import Changes
 from app.report.content import Task
 from app.report.units import reading
 from app.report.words import span_words
@@ -30,7 +32,7 @@ FIGURES = {  # of the tapping table: label, decimals
 CHANGES = {"tapping_decrement_slope", "tapping_decrement_ratio"}  # read as "smaller" or "larger", not as a sign
 
 
-def tapping_section(tasks: Sequence[Task], before: int, total: int) -> dict[str, Any]:
+def tapping_section(tasks: Sequence[Task], before: int, total: int, changes: Changes | None = None) -> dict[str, Any]:
     """Trials side by side, of `total` of which `before` stand in tables above; the curve is that of the first with a tap."""
     trials: list[Tapping] = [t.result.details for t in tasks]
     shown = next((k for k, trial in enumerate(trials) if trial.count), None)
@@ -44,6 +46,7 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int) -> dict[str,
         "remarks": [_remark(trial, f"Trial {before + k + 1}: " if many else "") for k, trial in enumerate(trials) if trial.reason],
         "chart": plots.tapping_chart(trials[shown], CHART[0] - TRIAL_WIDTH * (len(trials) - 1), CHART[1]) if shown is not None else "",
         "chart_alt": "Above: distance between thumb and index finger over time, closings marked. Below: amplitude of every tap with its regression line.",
+        "changes": tapping_changes(changes, tasks, FIGURES) if changes and before + len(tasks) == total else "",
         "absent": "No complete tap was found, so there is no curve to show." if shown is None else "",
         "caption": [
             f"Trial {before + shown + 1} of {total} shown." if many and shown is not None else "",

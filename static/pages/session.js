@@ -2,6 +2,7 @@
 import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as again from "../session/again.js";
+import * as changes from "../session/changes.js";
 import * as downloads from "../session/downloads.js";
 import * as notes from "../session/notes.js";
 import * as progress from "../session/progress.js";
@@ -53,6 +54,7 @@ function draw(root, api, about) {
   const place = (kind = "card") => h("section", { class: kind });
   const numbers = [
     [ranges, place("stack")],
+    [changes, place("stack")],
     [tapping, place("stack")],
   ];
   const kept = [recordings, again].map((part) => [part, place()]);

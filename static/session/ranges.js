@@ -1,23 +1,26 @@
 /** Range of motion in words, joint by joint; the words are the report's. */
 import { h } from "../dom.js";
 import { known, t } from "../words/words.js";
+import { changesCaption } from "./changes.js";
 
 export function mount(root, api, { result }) {
   const tables = result.readings.ranges;
-  root.append(...tables.map(section));
+  root.append(...tables.map((told) => section(told, result.readings.changes)));
   if (!tables.length && !result.readings.tapping.length)
     root.append(h("div", { class: "card" }, h("p", { class: "empty" }, h("strong", {}, t("ranges.empty")), t("ranges.empty.next"))));
   return () => {};
 }
 
-function section(told) {
+function section(told, changes) {
   const heading = [h("h2", {}, t(told.full ? "ranges.title" : "ranges.reached")), h("p", { class: "soft" }, told.tasks.join("; "))];
   if (!told.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
     h("th", { scope: "col" }, t(word)),
   );
   const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(told.rows).map(body));
-  return h("div", { class: "card" }, heading, table, h("p", { class: "hint" }, t("ranges.caption")));
+  const compared = told.rows.some((row) => Object.values(row.changes).some(Boolean));
+  const captions = [h("p", { class: "hint" }, t("ranges.caption")), compared && changesCaption(changes, "range_of_motion")];
+  return h("div", { class: "card" }, heading, table, captions);
 }
 
 /** Rows by part of the hand, in order. */
@@ -37,7 +40,9 @@ function line(row) {
     "tr",
     {},
     h("th", { scope: "row" }, `${row.group} ${row.joint}`.trim()),
-    [row.flexion, row.extension, row.sideways].map((words) => h("td", { class: "number" }, words || "–")),
+    ["flexion", "extension", "sideways"].map((cell) =>
+      h("td", { class: "number" }, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell])),
+    ),
     h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, row.reasons.join("; "))),
   );
 }

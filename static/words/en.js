@@ -191,6 +191,11 @@ export default {
   "grade.fair": "fair",
   "grade.poor": "poor",
 
+  "changes.title": "{title} since {day}",
+  "changes.tapping": "The mean of the trials, now and then.",
+  "changes.caption":
+    "Changes are since the session of {day}; beyond: by more than repeated measurement gives (MDC, minimal detectable change, 95 %).",
+
   "tapping.trial": "{title}, trial {number}",
   "tapping.signal": "signal {grade}",
   "tapping.figures": "Figures of the tapping",

@@ -71,6 +71,20 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(client: TestClient
         assert any(name.endswith("_tracksys-handscope_desc-m2_motion.tsv") for name in derivative.namelist())
 
 
+def test_a_second_session_says_what_changed_since_the_first(client: TestClient, patient: int, packed: bytes) -> None:
+    alone = finished(client, upload(client, patient, packed).json()["result"])["readings"]
+    assert alone["changes"] is None
+    assert {str(r["changes"]) for r in alone["ranges"][0]["rows"]} == {"{}"}
+    another = changed(packed, "dataset_description.json", lambda data: data + b" ")  # a recording of its own with the same movement
+    result = finished(client, upload(client, patient, another).json()["result"])
+    (row,) = [r for r in result["readings"]["ranges"][0]["rows"] if (r["group"], r["joint"]) == ("Index", "PIP")]
+    assert row["changes"]["flexion"] == "unchanged"
+    assert "Reissner 2019" in result["readings"]["changes"]["sources"]["range_of_motion"][0]
+    told = client.get(f"/api/results/{result['id']}/report.json").json()["changes"]
+    assert {c["value"] for c in told["each"]} == {0.0}
+    assert client.get(f"/api/results/{result['id']}/report.pdf").content.startswith(b"%PDF")
+
+
 def test_curves_are_thinned_and_in_units_for_people(client: TestClient, patient: int, packed: bytes) -> None:
     result = finished(client, upload(client, patient, packed).json()["result"])
     curves = client.get(f"/api/results/{result['id']}/curves", params={"what": ["index_pip_flexion", "aperture"], "points": 50}).json()

@@ -1,0 +1,85 @@
+"""What changed since the patient's session before, and whether by more than repeated measurement gives.
+
+Judged by the MDC95 of the patient's own repeated sessions where there are enough, else of the glove's, else the published default.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal
+
+from app.report.references import smallest_change, smallest_change_of_rate
+from app.report.units import reading
+from estimators.measures.figure import Figure
+from sessions.repeatability import ENOUGH, Comparison, Key, enough
+from sessions.tables import Repeatability
+
+Basis = Literal["own", "glove", "published", "none"]
+NEEDED = f"Published MDCs stand in until {ENOUGH + 1} sessions within a week (fewer give no reliable MDC) give the patient's own, or, of two people, the glove's."
+NOT_KNOWN = "Not judged: no MDC is published, and there are too few repeated sessions."
+
+
+@dataclass(frozen=True)
+class Change:
+    """Of one figure, in the unit a person reads."""
+
+    measure: str
+    task: str
+    name: str
+    value: float  # now less before
+    unit: str
+    mdc95: float | None  # None: not known
+    basis: Basis
+    sources: tuple[str, ...]  # of the MDC, in sentences; why there is none
+
+    @property
+    def beyond(self) -> bool:
+        return self.mdc95 is not None and abs(self.value) > self.mdc95
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Of a session since the patient's session before."""
+
+    since: datetime
+    each: tuple[Change, ...]
+
+    def sources(self, measure: str) -> tuple[str, ...]:
+        """What this measure's changes are judged by, in sentences."""
+        return tuple(dict.fromkeys(sentence for c in self.each if c.measure == measure for sentence in c.sources))
+
+    def of(self, task: str, name: str) -> Change | None:
+        return next((c for c in self.each if (c.task, c.name) == (task, name)), None)
+
+
+def changes(told: Comparison) -> Changes | None:
+    """Every figure that both sessions have; None where there is none."""
+    each = tuple(
+        _change(key, value - told.before[key][0], unit, told)
+        for key, (value, unit) in told.now.items()
+        if key in told.before and not key[2].endswith("_range")
+    )
+    return Changes(told.since, each) if each else None
+
+
+def _change(key: Key, difference: float, unit: str, told: Comparison) -> Change:
+    read = reading(Figure(key[2], difference, unit, ""))
+    value, shown = read.value, {"Hz": "per s"}.get(read.unit, read.unit)
+    mine: tuple[tuple[Basis, Repeatability | None], ...] = (("own", told.own.get(key)), ("glove", told.glove.get(key)))
+    for basis, kept in mine:
+        if kept is not None and enough(kept):
+            return Change(*key, value, shown, reading(Figure(key[2], kept.mdc95, unit, "")).value, basis, (_source(kept),))
+    if key[0] == "range_of_motion" and unit == "rad":
+        default = smallest_change()
+        words = f"of a joint's angle: {default.value:g}°"
+    elif key[2] == "tapping_rate":
+        default = smallest_change_of_rate()
+        words = f"of the tapping rate: {default.value:g} per s"
+    else:
+        return Change(*key, value, shown, None, "none", (NOT_KNOWN,))
+    return Change(*key, value, shown, default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))
+
+
+def _source(kept: Repeatability) -> str:
+    if kept.patient_id is not None:
+        return f"The patient's own MDC: from {kept.sessions} sessions repeated within a week."
+    return f"This glove's MDC: from {kept.sessions} sessions of {kept.people} people, repeated within a week."

@@ -1,0 +1,29 @@
+/** What changed since the patient's session before: the words are the report's. */
+import { h } from "../dom.js";
+import { day, known, t } from "../words/words.js";
+
+/** Tapping: the means over the trials; ranges say it in their own table. */
+export function mount(root, api, { result }) {
+  const { changes } = result.readings;
+  root.append(...(changes?.tapping ?? []).map((told) => section(told, changes)));
+  return () => {};
+}
+
+function section(told, changes) {
+  const rows = told.figures.map((figure) =>
+    h("tr", {}, h("th", { scope: "row" }, known(figure.name.replace("_", "."), figure.name)), h("td", {}, figure.words)),
+  );
+  return h(
+    "div",
+    { class: "card" },
+    h("h2", {}, t("changes.title", { title: told.title, day: day(changes.since) })),
+    h("table", {}, h("caption", { class: "heard" }, t("changes.tapping")), h("tbody", {}, rows)),
+    h("p", { class: "hint" }, t("changes.tapping")),
+    changesCaption(changes, "tapping"),
+  );
+}
+
+/** Since when, and what "beyond" and "within" are judged by. */
+export function changesCaption(changes, measure) {
+  return h("p", { class: "hint" }, [t("changes.caption", { day: day(changes.since) }), ...changes.sources[measure]].join(" "));
+}
