@@ -93,6 +93,11 @@ def load_all(folder: Traversable | None = None) -> dict[str, Protocol]:
     return {p.name: p for p in sorted(found, key=lambda p: p.order)}
 
 
+def load_steps() -> dict[str, Protocol]:
+    """The steps of a functional calibration, in order: the folder `functional`; each is named as the step that it is."""
+    return load_all(files("app.protocols") / "functional")
+
+
 def groups(protocols: Iterable[Protocol]) -> list[str]:
     """The groups of tasks, in the order of the tasks."""
     return list(dict.fromkeys(p.group for p in protocols))

@@ -11,7 +11,7 @@ from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Event, Stream
-from estimators.simulation import kinematics, sensors, tasks
+from estimators.simulation import functional, kinematics, sensors, tasks
 from estimators.simulation.motion import Motion, after, shifted, through
 from estimators.simulation.sensors import SensorErrors
 from sessions.recording import LoadedRecording
@@ -41,7 +41,7 @@ class Wearer(Protocol):
 
 @dataclass
 class SimulatedPerson:
-    """A person with sensors on every segment asked for; understands the tasks of estimators.simulation.tasks."""
+    """A person with sensors on every segment asked for; understands the tasks of estimators.simulation.tasks and the steps of functional."""
 
     hand: Hand
     geometry: HandGeometry
@@ -64,12 +64,11 @@ class SimulatedPerson:
         return Block(stream, t, values if stream.inertial else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan))
 
     def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
-        if task not in tasks.TASKS:
+        if task not in tasks.TASKS and task not in functional.STEPS:
             return False
+        motion, begins = _performance(task, details, self.geometry, self.rng)
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
-        self._motion = _joined(
-            after((x, dx, ddx), [(t + BRIDGE, tasks.relaxed())], t), shifted(_performance(task, details, self.geometry), t + BRIDGE)
-        )
+        self._motion = _joined(after((x, dx, ddx), [(t + begins, tasks.relaxed())], t), shifted(motion, t + begins))
         return True
 
     def marks(self, start: float, stop: float) -> list[Event]:
@@ -151,15 +150,18 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
     )
 
 
-def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry) -> Motion:
-    """The motion of a cue; a pose is held, everything else ends relaxed."""
+def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Motion, float]:
+    """The motion of a cue, and how long after that it begins (s); a pose is held, everything else ends relaxed."""
+    if task in functional.STEPS:  # not quite carefully; the step itself begins when the countdown is over
+        motion = functional.STEPS[task](geometry, rng, functional.Carelessness()).motion
+        return motion, max(BRIDGE, float(details.get("lead", 0.0)) - functional.LEAD)
     if task == "initial_pose":
-        return tasks.initial_pose(geometry, HOLD).motion
+        return tasks.initial_pose(geometry, HOLD).motion, BRIDGE
     if task in ("tapping", "open_close", "rest") and "duration" in details:
-        return tasks.TASKS[task](geometry, duration=float(details["duration"])).motion
+        return tasks.TASKS[task](geometry, duration=float(details["duration"])).motion, BRIDGE
     if task.startswith(IN_STEP) and "lead" in details:
-        return tasks.TASKS[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion
-    return tasks.TASKS[task](geometry).motion
+        return tasks.TASKS[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion, BRIDGE
+    return tasks.TASKS[task](geometry).motion, BRIDGE
 
 
 def _joined(first: Motion, second: Motion) -> Motion:

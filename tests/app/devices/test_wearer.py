@@ -1,9 +1,15 @@
 """The simulated person keeps time with the countdown that the cue tells."""
 
 import numpy as np
+import pytest
 
 from app.devices.virtual_glove.wearer import SimulatedPerson, layout
+from app.protocols import load_steps
+from estimators import functional_steps
+from estimators.functional_steps import STEPS
+from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import sized
+from estimators.methods import m2
 from estimators.samples import GYR
 from estimators.simulation.sensors import IDEAL
 
@@ -24,3 +30,18 @@ def test_a_movement_in_time_begins_when_the_countdown_is_over() -> None:
     np.testing.assert_allclose(bending, np.radians(65.0) * 1.875, rtol=1e-3)  # minimum jerk over 1 s each way
     turning = [rate[np.argmin(np.abs(t - k))] for k in range(1, 21)]
     assert max(turning) < 1e-3  # at rest with every beat
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_step_of_a_functional_calibration_fills_the_time_that_the_wizard_gives_it(name: str) -> None:
+    step = load_steps()[name]
+    assert step.length
+    streams = layout(FINGERS, 100.0)
+    person = SimulatedPerson("left", sized("left"), streams, np.random.default_rng(1), IDEAL)
+    late = 0.1  # s that a cue takes
+    assert person.cue(name, {"lead": f"{step.countdown:g}", **step.cue_details}, CUED + late)
+    blocks = [person.samples(s, CUED, CUED + COUNTDOWN + step.length + 0.3) for s in streams]
+    onset = CUED + step.countdown
+    piece = functional_steps.measure(m2.Params(), name, blocks, onset, onset + step.length, {})
+    assert piece.problems == ()
+    assert piece.quality.get("repetitions", 3) == 3
