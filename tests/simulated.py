@@ -33,7 +33,11 @@ def pose_and_wiggle(hand: str, errors: SensorErrors = IDEAL) -> Simulated:
 @cache
 def in_strips(hand: str) -> Simulated:
     """The same with a stream a strip, as a glove sends them."""
-    whole = pose_and_wiggle(hand)
+    return strips_of(pose_and_wiggle(hand))
+
+
+def strips_of(whole: Simulated) -> Simulated:
+    """The recording with a stream a strip."""
     samples = {}
     for block in whole.samples.values():
         for strip, sensors in STRIPS.items():

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from estimators import hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
+from estimators import functional_calibration, functional_steps, hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
+from estimators.functional_steps import Piece
 from estimators.hand_anatomy import Hand
 from estimators.hand_filter import HandFilterParams, HandPath
 from estimators.hand_geometry import HandGeometry
@@ -26,7 +27,7 @@ from estimators.trajectory import Trajectory
 
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
-PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held
+PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
 PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 PATIENCE = 0.1  # s that a silent strip is waited for
@@ -58,6 +59,7 @@ class Tracking:
         self.failures = 0  # times that the method failed and was started again
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
+        self.pieces: Mapping[str, Piece] = {}  # of a functional calibration, by step: every pose from now on is combined with them
         self._on_pose = on_pose
         self._queue: deque[Block] = deque()
         self._wake = threading.Condition()
@@ -91,19 +93,32 @@ class Tracking:
 
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
+        window = self._since(-np.inf)
+        calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
+        if self.pieces:
+            calibration = functional_calibration.combine(self.params, self.pieces, calibration, self.mounting)
+        calibration = self._checked(calibration, window, pose)
+        self.begin(calibration)
+        return calibration
+
+    def measure(self, step: str, onset: float, end: float) -> Piece:
+        """What a step of a functional calibration tells that was just done; gyroscope biases are those of the pose."""
+        bias = self.calibration.gyr_bias if self.calibration else {}
+        return functional_steps.measure(self.params, step, self._since(onset), onset, end, bias)
+
+    def _since(self, onset: float) -> list[Block]:
+        """Samples kept of an instant and later, one block a stream."""
         with self._lock:
-            window = [join(list(blocks)) for blocks in self._samples.values() if blocks]
-            calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
-            calibration = self._checked(calibration, window, pose)
-            self._begin(calibration)
-            return calibration
+            kept = [[b for b in blocks if b.t[-1] >= onset] for blocks in self._samples.values()]
+        return [join(blocks) for blocks in kept if blocks]
 
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
         """The calibration with what is wrong with the sensors among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
         found = sensor_checks.check(window, (calibration.t, calibration.end))
         broken = {f.sensor for f in found if f.severity == "fault"}
-        found += [f for f in mounting_checks.check(window, self.mounting, still, ()) if f.sensor not in broken]
+        mounting = {**self.mounting, **{s: calibration.q_BS[s] for s in calibration.q_BS_sd}}  # told by movements: how it sits is known
+        found += [f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken]
         return replace(calibration, warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))))
 
     def begin(self, calibration: Calibration) -> None:

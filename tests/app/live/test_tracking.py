@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 from app.live.tracking import QUEUE, Tracking
-from estimators import initial_pose, trajectory
+from estimators import initial_pose, processing, trajectory
 from estimators.errors import InputError
+from estimators.functional_steps import STEPS
 from estimators.methods import m2
 from estimators.samples import Block
+from estimators.simulation import functional, tasks
+from estimators.simulation.person import drawn
+from estimators.simulation.scenario import performed
 from estimators.trajectory import Trajectory
 from tests.app.devices.virtual import wait_for
-from tests.simulated import INSTANT, in_strips, tracked
+from tests.estimators.functional import ANYHOW
+from tests.simulated import INSTANT, in_strips, strips_of, tracked
 
 PARAMS = INSTANT
 
@@ -122,3 +127,42 @@ def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> No
         assert tracking.calibration is not None
         (warning,) = tracking.calibration.warnings
     assert warning.startswith("ring_middle: it sits turned by about 90 deg")
+
+
+def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch_run_of_the_recording_finds() -> None:
+    rng = np.random.default_rng(3)
+    person = drawn("left", rng)
+    pose, steps = tasks.initial_pose(person.true), functional.all_steps(person.true, rng)
+    recording = strips_of(
+        performed([pose, *steps, pose, tasks.tapping(person.true, 3.0)], "left", person.true, rng, ANYHOW, known=person.told)
+    )
+    tracking = Tracking(m2, m2.Params(), "left", recording.geometry, lambda rows: None)
+    fed, found = 0, {}
+    cut = pieces(dict(recording.samples))
+    ends = [max(float(b.t[-1]) for b in blocks) for blocks in cut]
+    with tracking:
+        for event in (e for e in recording.events if e.trial_type in ("initial_pose", *STEPS)):
+            while ends[fed] < event.end + 0.3:
+                tracking.feed(cut[fed])
+                fed += 1
+                if fed % 20 == 0:
+                    wait_for(lambda newest=ends[fed - 1]: tracking.newest_sample() >= newest)
+            wait_for(lambda newest=ends[fed - 1]: tracking.newest_sample() >= newest)
+            if event.trial_type == "initial_pose":
+                tracking.pieces = dict(found)
+                calibration = tracking.calibrate(initial_pose.pose_of(event))
+            else:
+                found[event.trial_type] = tracking.measure(event.trial_type, event.onset, event.end)
+        for blocks in cut[fed:]:
+            tracking.feed(blocks)
+            wait_for(lambda blocks=blocks: tracking.newest_sample() >= max(float(b.t[-1]) for b in blocks))
+        tracking.drain()
+        shown = tracking.past(calibration.t)
+    batch = processing.process(m2, m2.Params(), recording)
+    assert set(calibration.steps) == set(STEPS) == set(batch.calibrations[-1].steps)
+    assert not any(piece.problems for piece in found.values())
+    for segment, q_BS in batch.calibrations[-1].q_BS.items():
+        np.testing.assert_allclose(calibration.q_BS[segment], q_BS, atol=1e-9, err_msg=segment)
+    same = batch.trajectory.between(float(shown.t[0]), np.inf)
+    assert tracking.skipped == 0 and len(shown) > 400
+    np.testing.assert_allclose(shown.angles, same.angles, atol=1e-6)
