@@ -1,4 +1,4 @@
-"""What the ghost hand shows for a step of the wizard: the initial pose, or the task's postures in turn."""
+"""What the ghost hand shows for a step of the wizard: the initial pose, or the postures of the task or calibration step in turn."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
 from estimators.initial_pose import DEG
 from estimators.quaternions import Array
 
-SHOWN = (State.POSE_READY, State.POSE_HOLD, State.TASK_READY, State.COUNTDOWN)
+SHOWN = (State.POSE_READY, State.POSE_HOLD, State.TASK_READY, State.COUNTDOWN, State.STEP_READY, State.STEP_COUNTDOWN)
 STEP = 0.5  # s of movement to the next posture, of each posture's pace
 
 

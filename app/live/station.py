@@ -28,6 +28,7 @@ from app.scene.hand_scene import HandScene
 from app.version import software_version
 from estimators.calibration import Calibration
 from estimators.errors import InputError
+from estimators.functional_steps import Piece
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
 from estimators.initial_pose import DEG, Pose
@@ -60,6 +61,7 @@ class Setup:
     method: ModuleType
     params: Any
     protocols: tuple[Protocol, ...]
+    steps: tuple[Protocol, ...] = ()  # of a functional calibration
     about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
 
 
@@ -79,7 +81,8 @@ class Station:
         self.attempt_numbers = 0
         self._on_finish = on_finish
         self._lock = threading.RLock()
-        self._wizard = Wizard(setup.protocols, setup.params.pose_duration)
+        self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps)
+        self._measured: dict[str, tuple[str, Event, Piece]] = {}  # steps of the calibration that goes on, with their events' ids
         self._calibration: Calibration | None = None
         self._viewers: list[Callable[[], object]] = []
         self._stop = threading.Event()
@@ -210,8 +213,8 @@ class Station:
         return ""
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
-        if (w := self._wizard).state in (State.TASK_RUN, State.TASK_REVIEW):
-            self.curve.attempt(w.onset, w.end if w.state is State.TASK_REVIEW else np.inf)
+        if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_REVIEW, State.STEP_REVIEW):
+            self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end)
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)
@@ -221,6 +224,12 @@ class Station:
                 self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
             elif order.kind == "keep_attempt":
                 self._keep(order)
+            elif order.kind == "measure_step":
+                self._measure(order)
+            elif order.kind in ("drop_step", "drop_steps"):
+                self._drop([order.task] if order.task else list(self._measured), "redone" if order.task else "not used")
+            elif order.kind == "use_steps":
+                self._use()
             elif order.kind == "finish":
                 threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
 
@@ -231,7 +240,7 @@ class Station:
             self._cue("wiggle")
 
     def _cue(self, task: str) -> None:
-        protocol = next((p for p in self.setup.protocols if p.name == task), None)
+        protocol = next((p for p in (*self.setup.protocols, *self.setup.steps) if p.name == task), None)
         self.curve.follow(protocol.curve if protocol else None)
         name, details = (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details}) if protocol else (task, {})
         if name:
@@ -250,6 +259,33 @@ class Station:
         self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(pose.onset, pose.duration, "initial_pose", angles))
         self.scene.face_ahead()
         self.scene.measured(_measured_fingers(self._calibration))
+
+    def _measure(self, order: Order) -> None:
+        """A step of the calibration was done: it is kept in the recording under its own name, and judged."""
+        self._drop([order.task], "redone")
+        piece = self.tracking.measure(order.task, order.onset, order.end)
+        self.attempt_numbers += 1
+        event_id, event = f"step-{self.attempt_numbers}", Event(order.onset, order.end - order.onset, order.task, {})
+        self.glove.keep_event(event_id, event)
+        self._measured[order.task] = (event_id, event, piece)
+        self._wizard = wizard.judge(self._wizard, piece.problems)
+
+    def _drop(self, steps: Sequence[str], outcome: str) -> None:
+        """Steps that are not to count: the recording says that they were done, and no more."""
+        for step in steps:
+            if step in self._measured:
+                event_id, event, _ = self._measured.pop(step)
+                self.glove.keep_event(event_id, replace(event, trial_type="annotation", details={"task_name": step, "outcome": outcome}))
+
+    def _use(self) -> None:
+        """Every pose from now on is combined with the steps that were done well."""
+        good = {step: piece for step, (_, _, piece) in self._measured.items() if not piece.problems}
+        self.tracking.pieces = {**self.tracking.pieces, **good}
+        self._measured.clear()
+
+    def piece(self, step: str | None) -> Piece | None:
+        """What a step of the calibration that goes on tells."""
+        return self._measured[step][2] if step in self._measured else None
 
     def _keep(self, order: Order) -> None:
         self.attempt_numbers += 1

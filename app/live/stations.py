@@ -11,7 +11,7 @@ from typing import Any
 from app.live.replay import Replay
 from app.live.station import Setup, Station
 from app.options import with_options
-from app.protocols import load_all
+from app.protocols import load_all, load_steps
 from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_geometry import measures_from, sized
@@ -117,6 +117,8 @@ def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
     module = METHODS[method]
     params = with_options(module.Params, options)
     protocols = tuple(load_all().values())
+    functional = getattr(params, "functional", False) and params.alignment != "heading"
+    steps = tuple(load_steps().values()) if functional else ()
 
     def make(session: PatientSession, recording: Path, port: str, pseudonym: str) -> Setup:
         hand = records.hand_of(session.hand)
@@ -130,6 +132,7 @@ def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
             method=module,
             params=params,
             protocols=protocols,
+            steps=steps,
             about={"session": session.id, "pseudonym": pseudonym},
         )
 

@@ -9,16 +9,21 @@ from app.live import wizard as wz
 from app.live.wizard import Facts, State, Wizard
 from app.protocols import Protocol
 from estimators.calibration import Calibration
+from estimators.functional_steps import Piece
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
 from estimators.measures import repetitions, tapping
 
 if TYPE_CHECKING:
     from app.live.station import Station
 
+SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
+CLOSING = ("Initial pose again", "Lay the hand flat once more as the blue hand shows. With this pose the steps come into force.")
+SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi)  # shares: per cent
+DIGITS = {"rate_wander": 2, "tilt_change": 1}
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {State.CONNECT: "connect", State.FINISHED: "finish"} | dict.fromkeys(
-    (State.POSE_READY, State.POSE_HOLD, State.POSE_REVIEW), "pose"
+    (State.POSE_READY, State.POSE_HOLD, State.POSE_REVIEW, *wz.STEPPING), "pose"
 )
 WORDS = {
     State.CONNECT: ("Put the glove on", "Bend one finger after the other: the finger that moves must light up."),
@@ -30,6 +35,7 @@ WORDS = {
     State.POSE_REVIEW: ("Does the hand look right?", "The 3-D hand should lie as the patient's hand does. If not, do the pose again."),
     State.TASKS: ("Choose a task", "Do the tasks in order, or only those you need."),
     State.TASK_REVIEW: ("Keep this one?", "Accept what was recorded, do it again, or skip the task with a reason."),
+    State.STEP_REVIEW: ("This step is good", "Go on, or repeat it if the patient did something else."),
     State.FINISHED: ("Finished", "The recording is closed. The results are being computed."),
 }
 
@@ -43,6 +49,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "wizard": told_of(wizard, facts),
         "glove": _glove(station, facts, problem),
         "calibration": _calibration(calibration),
+        "step_quality": _quality(station.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
         "numbers": _numbers(station, wizard, facts),
         "ended": station.ended,
@@ -63,8 +70,11 @@ def beat(station: "Station", since: float) -> dict[str, Any]:
 def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
     """Where the wizard stands: what to say, what can be done, which tasks there are, and what the metronome goes by."""
     protocol = w.protocol
-    in_task = w.state in (State.TASK_READY, State.COUNTDOWN, State.TASK_RUN)
-    title, words = (protocol.title, protocol.instruction) if in_task and protocol else WORDS.get(w.state, ("", ""))
+    in_task = w.state in (State.TASK_READY, *wz.COUNTING, *wz.RUNNING, State.STEP_READY)
+    title, words = (protocol.title, protocol.instruction) if in_task and protocol else _words(w)
+    steps = [p.name for p in w.steps_offered(facts)] if w.state in wz.STEPPING else []
+    if in_task and w.task in steps:
+        title = f"Step {steps.index(w.task) + 1} of {len(steps)}: {title}"
     return {
         "state": w.state,
         "step": STEP_OF.get(w.state, "tasks"),
@@ -81,8 +91,32 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
         "tasks": [_task(w, p) for p in w.listed(facts)],
         "group": w.group,
         "groups": [_group(w, name, tasks) for name, tasks in w.groups(facts).items()],
+        "calibration_steps": [_step(w, p) for p in w.steps_offered(facts)] if w.state in wz.STEPPING else [],
         "pace": _pace(w, protocol, facts) if in_task and protocol else None,
     }
+
+
+def _words(w: Wizard) -> tuple[str, str]:
+    """Title and sentence of a state that is no task's."""
+    if w.state is State.STEP_REVIEW and (judged := w.judgement(w.task)) and judged.problems:
+        return SPOILT
+    if w.state is State.POSE_READY and w.closing:
+        return CLOSING
+    return WORDS.get(w.state, ("", ""))
+
+
+def _step(w: Wizard, p: Protocol) -> dict[str, Any]:
+    """A step of the calibration and what became of it: good, spoilt, used (in an earlier calibration), or nothing yet."""
+    judged = w.judgement(p.name)
+    outcome = ("spoilt" if judged.problems else "good") if judged else "used" if p.name in w.used else ""
+    return {"name": p.name, "title": p.title, "outcome": outcome}
+
+
+def _quality(piece: Piece | None) -> dict[str, float] | None:
+    """What a step is judged by, for people: degrees, degrees per second, shares in per cent."""
+    if piece is None:
+        return None
+    return {name: round(value * SCALES.get(name, 100.0), DIGITS.get(name, 0)) for name, value in piece.quality.items()}
 
 
 def _task(w: Wizard, p: Protocol) -> dict[str, Any]:
@@ -112,7 +146,7 @@ def _pace(w: Wizard, p: Protocol, facts: Facts) -> dict[str, Any]:
         "repetitions": p.repetitions,
         "trial": w.accepted(p.name) + 1,
         "trials": p.trials,
-        "elapsed": round(facts.t - w.onset, 3) if w.state is State.TASK_RUN else None,
+        "elapsed": round(facts.t - w.onset, 3) if w.state in wz.RUNNING else None,
     }
 
 
@@ -178,6 +212,7 @@ def _calibration(c: Calibration | None) -> dict[str, Any] | None:
         "least_still": worst,
         "misalignment_deg": round(float(np.degrees(c.quality[tilted].misalignment)), 1),
         "most_misaligned": tilted,
+        "steps": len(c.steps),
         "warnings": list(c.warnings),
     }
 
@@ -195,8 +230,10 @@ def _angles(station: "Station") -> list[dict[str, Any]]:
 
 
 def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]]:
-    """Live numbers of the task that runs or was just done."""
-    if w.state not in (State.TASK_RUN, State.TASK_REVIEW) or w.protocol is None:
+    """Live numbers of the task or flexion that runs or was just done."""
+    if w.state not in (*wz.RUNNING, State.TASK_REVIEW, State.STEP_REVIEW) or w.protocol is None:
+        return []
+    if w.state in wz.STEPPING and not w.protocol.cycle:  # nothing bends
         return []
     points = station.curve.attempted()
     if len(points) < 3:

@@ -10,8 +10,10 @@ from enum import StrEnum
 from math import inf
 
 from app.protocols import Protocol, groups
+from estimators.functional_steps import BENT
 
 ROUTINE = "routine"  # the group of the usual assessment
+LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
 
 
@@ -25,6 +27,10 @@ class State(StrEnum):
     COUNTDOWN = "countdown"
     TASK_RUN = "task_run"
     TASK_REVIEW = "task_review"
+    STEP_READY = "step_ready"  # steps of a functional calibration
+    STEP_COUNTDOWN = "step_countdown"
+    STEP_RUN = "step_run"
+    STEP_REVIEW = "step_review"
     FINISHED = "finished"
 
 
@@ -40,6 +46,9 @@ class Act(StrEnum):
     GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
     AGAIN = "again"  # keep this trial, and on to the next of the same task
+    CALIBRATE = "calibrate"  # by movements
+    NEXT = "next"  # step of the calibration
+    USE = "use"  # the steps that were done well, from the initial pose that follows on
     RECALIBRATE = "recalibrate"
     FINISH = "finish"
     HELD = "held"  # the pose was still long enough
@@ -53,13 +62,26 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.POSE_READY: {A.START: S.POSE_HOLD, A.FINISH: S.FINISHED},
     S.POSE_HOLD: {A.HELD: S.POSE_REVIEW, A.STOP: S.POSE_READY},
     S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY},
-    S.TASKS: {A.GROUP: S.TASKS, A.CHOOSE: S.TASK_READY, A.RECALIBRATE: S.POSE_READY, A.FINISH: S.FINISHED},
+    S.TASKS: {
+        A.GROUP: S.TASKS,
+        A.CHOOSE: S.TASK_READY,
+        A.CALIBRATE: S.STEP_READY,
+        A.RECALIBRATE: S.POSE_READY,
+        A.FINISH: S.FINISHED,
+    },
     S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.STOP: S.TASKS},
     S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
     S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW},
     S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS},
+    S.STEP_READY: {A.START: S.STEP_COUNTDOWN, A.NEXT: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
+    S.STEP_COUNTDOWN: {A.STARTED: S.STEP_RUN, A.STOP: S.STEP_READY},
+    S.STEP_RUN: {A.ENDED: S.STEP_REVIEW, A.STOP: S.STEP_READY},
+    S.STEP_REVIEW: {A.NEXT: S.STEP_READY, A.REDO: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
     S.FINISHED: {},
 }
+COUNTING = (S.COUNTDOWN, S.STEP_COUNTDOWN)
+RUNNING = (S.TASK_RUN, S.STEP_RUN)
+STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
 BY_PERSON = set(Act) - {A.HELD, A.STARTED, A.ENDED}
 
 
@@ -87,35 +109,66 @@ class Attempt:
 
 
 @dataclass(frozen=True)
+class Judged:
+    """A step of the calibration that was done, and what was wrong with it."""
+
+    step: str
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Wizard:
     """Everything that a page needs to draw where the session stands."""
 
     protocols: tuple[Protocol, ...]
     pose_duration: float
+    steps: tuple[Protocol, ...] = ()  # of a functional calibration; empty where the method makes nothing of it
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed
-    task: str | None = None
-    onset: float = 0.0  # recording time at which the pose or task began
+    task: str | None = None  # or step
+    onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
     still_since: float | None = None  # recording time
     attempts: tuple[Attempt, ...] = ()
+    judged: tuple[Judged, ...] = ()  # steps of the calibration that goes on, the newest attempt of each
+    used: frozenset[str] = frozenset()  # steps that are in force, or will be from the next initial pose on
+    closing: bool = False  # the next initial pose brings the steps into force
     rested_since: float = -inf  # host's clock when the newest trial ended
     message: str = ""  # the last thing that went wrong, for the person
 
     @property
     def protocol(self) -> Protocol | None:
-        return next((p for p in self.protocols if p.name == self.task), None)
+        return next((p for p in (*self.protocols, *self.steps) if p.name == self.task), None)
 
     def allowed(self, facts: Facts) -> list[Act]:
         """What a person can do now, in the order of the table."""
         acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
-        barred = {Act.CONTINUE: not ready(facts), Act.AGAIN: not self._trials_left()}
+        barred = {
+            Act.CONTINUE: not ready(facts),
+            Act.AGAIN: not self._trials_left(),
+            Act.CALIBRATE: not self.steps_offered(facts),
+            Act.NEXT: self.next_step(facts) is None,
+            Act.USE: not self._usable(),
+        }
         return [a for a in acts if not barred.get(a, False)]
 
     def offered(self, facts: Facts) -> list[Protocol]:
         """Tasks that can be done with what is measured."""
         return [p for p in self.protocols if set(p.needs) <= facts.measured]
+
+    def steps_offered(self, facts: Facts) -> list[Protocol]:
+        """Steps of a functional calibration that can be done with what is measured."""
+        return [p for p in self.steps if set(p.needs) <= facts.measured]
+
+    def next_step(self, facts: Facts) -> str | None:
+        """The step after this one."""
+        names = [p.name for p in self.steps_offered(facts)]
+        return next(iter(names[names.index(self.task) + 1 :]), None) if self.task in names else None
+
+    def judgement(self, step: str | None) -> Judged | None:
+        """What became of a step in this calibration."""
+        return next((j for j in self.judged if j.step == step), None)
 
     def groups(self, facts: Facts) -> dict[str, list[Protocol]]:
         """Tasks that can be done by group, the usual assessment first."""
@@ -137,6 +190,11 @@ class Wizard:
         trials = next((p.trials for p in self.protocols if p.name == task), 1)
         return "" if newest == "accepted" and self.accepted(task) < trials else newest
 
+    def _usable(self) -> bool:
+        """Whether a step was done well and some step tells about which axes the joints bend."""
+        good = _good(self)
+        return bool(good) and bool((good | self.used) & set(BENT))
+
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""
         return self.protocol is not None and self.accepted(self.protocol.name) + 1 < self.protocol.trials
@@ -144,7 +202,7 @@ class Wizard:
 
 @dataclass(frozen=True)
 class Order:
-    """What the station has to do after a step: calibrate, cue, keep_attempt, drop_pose, finish."""
+    """What the station has to do after a step: calibrate, cue, keep_attempt, drop_pose, finish; measure_step, drop_step, drop_steps, use_steps."""
 
     kind: str
     task: str = ""
@@ -166,10 +224,15 @@ def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "
     """A person's wish; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(facts):
         raise NotNowError(f"{what} is not possible now ({wizard.state})")
-    if what is Act.CHOOSE and task not in {p.name for p in wizard.offered(facts)}:
-        raise NotNowError(f"there is no task {task!r} to choose")
     if what is Act.CHOOSE:
+        stepping = wizard.state in STEPPING
+        if task not in {p.name for p in (wizard.steps_offered(facts) if stepping else wizard.offered(facts))}:
+            raise NotNowError(f"there is no {'step' if stepping else 'task'} {task!r} to choose")
         wizard = replace(wizard, task=task)
+    if what is Act.CALIBRATE:
+        wizard = replace(wizard, task=wizard.steps_offered(facts)[0].name)
+    if what is Act.NEXT:
+        wizard = replace(wizard, task=wizard.next_step(facts))
     if what is Act.GROUP:
         if group not in wizard.groups(facts):
             raise NotNowError(f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(facts))}")
@@ -178,13 +241,14 @@ def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "
 
 
 def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
-    """Time passed: pose held long enough, countdown over, task over."""
+    """Time passed: pose held long enough, countdown over, task or step over."""
     if wizard.state is State.POSE_HOLD:
         return _hold(wizard, facts)
     protocol = wizard.protocol
-    if wizard.state is State.COUNTDOWN and protocol and facts.now - wizard.since >= protocol.countdown:
+    if wizard.state in COUNTING and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
-    if wizard.state is State.TASK_RUN and protocol and protocol.length and facts.t - wizard.onset >= protocol.length:
+    late = LATE if wizard.state is State.STEP_RUN else 0.0
+    if wizard.state in RUNNING and protocol and protocol.length and facts.t - wizard.onset >= protocol.length + late:
         return _enter(wizard, Act.ENDED, facts)
     return wizard, ()
 
@@ -194,11 +258,18 @@ def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
     return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message)
 
 
+def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
+    """The step just done was measured: whether it can be used, and if not, why."""
+    others = tuple(j for j in wizard.judged if j.step != wizard.task)
+    said = " ".join(f"{p[:1].upper()}{p[1:]}." for p in problems)
+    return replace(wizard, judged=(*others, Judged(wizard.task or "", tuple(problems))), message=said)
+
+
 def progress(wizard: Wizard, facts: Facts) -> float:
-    """Share of the pose or task done, 0 to 1."""
+    """Share of the pose, task or step done, 0 to 1."""
     if wizard.state is State.POSE_HOLD:
         return 0.0 if wizard.still_since is None else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
-    if wizard.state is State.TASK_RUN and wizard.protocol and wizard.protocol.length:
+    if wizard.state in RUNNING and wizard.protocol and wizard.protocol.length:
         return min(1.0, max(0.0, facts.t - wizard.onset) / wizard.protocol.length)
     return 0.0
 
@@ -209,9 +280,9 @@ def remaining(wizard: Wizard, facts: Facts) -> float | None:
     if wizard.state is State.TASK_READY and protocol and protocol.pause and wizard.accepted(protocol.name):
         left = protocol.pause - (facts.now - wizard.rested_since)
         return left if left > 0 else None
-    if wizard.state is State.COUNTDOWN and protocol:
+    if wizard.state in COUNTING and protocol:
         return max(0.0, protocol.countdown - (facts.now - wizard.since))
-    if wizard.state is State.TASK_RUN and protocol and protocol.length:
+    if wizard.state in RUNNING and protocol and protocol.length:
         return max(0.0, protocol.length - (facts.t - wizard.onset))
     return None
 
@@ -236,9 +307,9 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[W
         orders.append(Order("cue", "initial_pose"))
     elif after is State.POSE_REVIEW:
         orders.append(Order("calibrate", onset=wizard.onset, end=wizard.end))
-    elif after is State.COUNTDOWN and wizard.task:
+    elif after in COUNTING and wizard.task:
         orders.append(Order("cue", wizard.task))
-    elif after is State.TASK_RUN:
+    elif after in RUNNING:
         late = facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)  # a tick finds out a little afterwards
         wizard = replace(wizard, onset=facts.t - late)
     elif after is State.TASK_REVIEW:
@@ -246,12 +317,38 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[W
         orders.append(Order("cue", "rest"))
     elif after is State.FINISHED:
         orders.append(Order("finish"))
+    elif after is State.STEP_REVIEW and wizard.protocol:
+        wizard = replace(wizard, end=wizard.onset + (wizard.protocol.length or 0.0))
+        orders.append(Order("measure_step", wizard.task or "", wizard.onset, wizard.end))
+    if before in STEPPING:
+        wizard, more = _stepped(wizard, what, before)
+        orders = [*more, *orders]
+    if before is State.POSE_REVIEW and what is Act.ACCEPT:
+        wizard = replace(wizard, closing=False)
     if before is State.POSE_REVIEW and what is Act.REDO:
         orders.append(Order("drop_pose"))
     if before is State.TASK_REVIEW or (before is State.TASK_READY and what is Act.SKIP):
         wizard, order = _attempted(wizard, what, before, reason)
         orders.append(order)
     return replace(wizard, state=after, since=facts.now, still_since=None, message=""), orders
+
+
+def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Order]]:
+    """What becomes of the calibration's steps: one is done again, all are used, or left with what was measured of them."""
+    if what is Act.REDO:
+        return replace(wizard, judged=tuple(j for j in wizard.judged if j.step != wizard.task)), [Order("drop_step", wizard.task or "")]
+    if what is Act.USE:
+        return replace(wizard, judged=(), used=wizard.used | _good(wizard), closing=True), [Order("use_steps")]
+    if TRANSITIONS[before][what] is State.TASKS:
+        return replace(wizard, judged=()), [Order("drop_steps")]
+    if before in (State.STEP_COUNTDOWN, State.STEP_RUN) and what is Act.STOP:
+        return wizard, [Order("cue", "rest")]
+    return wizard, []
+
+
+def _good(wizard: Wizard) -> frozenset[str]:
+    """Steps of this calibration that can be used."""
+    return frozenset(j.step for j in wizard.judged if not j.problems)
 
 
 def _attempted(wizard: Wizard, what: Act, before: State, reason: str) -> tuple[Wizard, Order]:

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.live import wizard
-from app.live.wizard import BY_PERSON, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
-from app.protocols import load_all
+from app.live.wizard import BY_PERSON, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
+from app.protocols import load_all, load_steps
 from estimators.hand_anatomy import SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
@@ -193,22 +193,28 @@ PRESSES = st.tuples(
     st.booleans(),
     st.sampled_from(["tapping", "powerglove_03_index_all", "powerglove_15_index_circles", "repeatability_flat"]),
     st.sampled_from(["routine", "powerglove"]),
+    st.sampled_from(["flat_hand", "flexion_mcp", "figure_eight"]),
+    st.lists(st.just("the hand moved"), max_size=1),
 )
 
 
 @given(st.lists(PRESSES, max_size=60))
-def test_whatever_people_press_the_wizard_stays_on_its_table(presses: list[tuple[Act, float, float, bool, str, str]]) -> None:
-    w, facts = Wizard(PROTOCOLS, 3.0), READY
-    for what, wait, wander, flowing, task, group in presses:
+def test_whatever_people_press_the_wizard_stays_on_its_table(
+    presses: list[tuple[Act, float, float, bool, str, str, str, list[str]]],
+) -> None:
+    w, facts = Wizard(PROTOCOLS, 3.0, tuple(load_steps().values())), READY
+    for what, wait, wander, flowing, task, group, step, problems in presses:
         facts = later(facts, wait, wander=wander, flowing=flowing)
         before = w.state
-        w, _ = wizard.tick(w, facts)
+        w, orders = wizard.tick(w, facts)
         assert w.state is before or w.state in TRANSITIONS[before].values()
+        if "measure_step" in [o.kind for o in orders]:
+            w = wizard.judge(w, problems)
         allowed = w.allowed(facts)
         assert set(allowed) <= BY_PERSON
         if what in allowed:
             before = w.state
-            w, _ = wizard.act(w, what, facts, task, "reason", group)
+            w, _ = wizard.act(w, what, facts, step if before in STEPPING else task, "reason", group)
             assert w.state is TRANSITIONS[before][what]
         else:
             with pytest.raises(NotNowError):
