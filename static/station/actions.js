@@ -10,6 +10,7 @@ const PRIMARY = {
   pose_review: "accept",
   task_ready: "start",
   task_review: "accept",
+  step_ready: "start",
   tasks: "choose",
 };
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
@@ -22,7 +23,15 @@ export function mount(root, api, { station }) {
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
-    ({ wizard, glove }) => [wizard.state, wizard.actions, next(wizard), glove.problem, wizard.remaining === null, wizard.pace?.trial],
+    ({ wizard, glove }) => [
+      wizard.state,
+      wizard.actions,
+      next(wizard),
+      glove.problem,
+      wizard.remaining === null,
+      wizard.pace?.trial,
+      spoilt(wizard),
+    ],
     buttons,
   );
 
@@ -32,12 +41,12 @@ export function mount(root, api, { station }) {
     const held = actions.contains(document.activeElement);
     closeQuestion();
     box.clear();
-    const primary = allowed.includes("again") ? "again" : PRIMARY[state];
+    const primary = leading(wizard);
     const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => (b === primary) - (a === primary));
     const drawn = shown.map((act) =>
       button(act, label(wizard, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
     );
-    if (allowed.includes("choose") && next(wizard))
+    if (state === "tasks" && allowed.includes("choose") && next(wizard))
       drawn.unshift(
         button("choose", nextWords(next(wizard)), true, () => station.act("choose", { task: next(wizard).name })),
       );
@@ -79,7 +88,20 @@ export function mount(root, api, { station }) {
   return station.on("full", draw);
 }
 
-function label({ state, remaining, actions }, act) {
+/** The action that leads on. */
+function leading(wizard) {
+  const can = (act) => wizard.actions.includes(act);
+  if (can("again")) return "again";
+  if (wizard.state !== "step_review") return PRIMARY[wizard.state];
+  return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
+}
+
+const spoilt = ({ task, calibration_steps }) => calibration_steps.find((step) => step.name === task)?.outcome === "spoilt";
+
+function label(wizard, act) {
+  const { state, remaining, actions } = wizard;
+  if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
+  if (act === "next") return t("act.next_step");
   if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
   if (state === "task_run" && act === "stop" && remaining === null) return t("act.done"); // nothing else ends it
   return known(`act.${state}.${act}`, null) ?? t(`act.${act}`);

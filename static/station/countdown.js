@@ -2,7 +2,13 @@
 import { h, whenChanged } from "../dom.js";
 import { t } from "../words/words.js";
 
-const WORD = { task_ready: "countdown.rest", countdown: "countdown.starts", task_run: "countdown.left" };
+const WORD = {
+  task_ready: "countdown.rest",
+  countdown: "countdown.starts",
+  task_run: "countdown.left",
+  step_countdown: "countdown.starts",
+  step_run: "countdown.left",
+};
 
 export function mount(root, api, { station }) {
   const digits = h("span", { class: "digits" });
@@ -16,7 +22,7 @@ export function mount(root, api, { station }) {
       if (root.hidden) return;
       word.textContent = t(words);
       digits.textContent = String(seconds);
-      root.classList.toggle("soon", state === "countdown");
+      root.classList.toggle("soon", state.endsWith("countdown"));
     },
   );
   return station.on("full", draw);

@@ -25,11 +25,11 @@ export function mount(root, api, { station }) {
     (text) => message.replaceChildren(...(text ? [h("p", { class: "error" }, text)] : [])),
   );
   const drawMore = whenChanged(
-    ({ wizard, calibration }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }],
-    ([state, calibration, pace]) => more.replaceChildren(...detail(state, calibration, pace)),
+    ({ wizard, calibration, step_quality }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }, step_quality],
+    (told) => more.replaceChildren(...detail(...told)),
   );
   const drawBar = ({ wizard }) => {
-    const runs = wizard.state === "pose_hold" || (wizard.state === "task_run" && wizard.remaining !== null);
+    const runs = wizard.state === "pose_hold" || (["task_run", "step_run"].includes(wizard.state) && wizard.remaining !== null);
     bar.element.hidden = !runs;
     if (runs) bar.set(wizard.progress);
   };
@@ -38,14 +38,23 @@ export function mount(root, api, { station }) {
 }
 
 /** What helps to decide in this state. */
-function detail(state, calibration, pace) {
+function detail(state, calibration, pace, quality) {
   if (state === "connect") return [h("p", {}, t("wizard.connect"))];
   if (pace.trials > 1) return [h("p", {}, t("wizard.trial", pace))];
+  if (state === "step_review") return quality ? [h("p", {}, qualityWords(quality))] : [];
   if (state !== "pose_review" || !calibration) return [];
   const values = {
     still: calibration.stillness_deg_s,
     turned: calibration.misalignment_deg,
     part: segmentWords(calibration.most_misaligned),
   };
-  return [h("p", {}, t("wizard.calibration", values)), ...calibration.warnings.map((text) => h("p", { class: "warning" }, text))];
+  const said = [t("wizard.calibration", values), calibration.steps && t("wizard.calibration.steps", { count: calibration.steps })];
+  return [h("p", {}, said.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, text))];
+}
+
+/** How well a step of the calibration was done. */
+function qualityWords(quality) {
+  if ("rate_wander" in quality) return t("quality.still", quality);
+  if ("spread" in quality) return t("quality.eight", quality);
+  return "extent" in quality ? t("quality.flexion", quality) : "";
 }

@@ -4,7 +4,9 @@ import { beat, makeOnset, placeAt } from "./beats.js";
 import { makeClicks } from "./clicks.js";
 import { t } from "../words/words.js";
 
-const SHOWN = ["task_ready", "countdown", "task_run"];
+const COUNTING = ["countdown", "step_countdown"];
+const RUNNING = ["task_run", "step_run"];
+const SHOWN = ["task_ready", "step_ready", ...COUNTING, ...RUNNING];
 const PAUSE = 50; // ms between two looks at which clicks are due
 const AHEAD = 1; // s that a click is made ready before it is due: a busy page may be late itself
 const LATE = 0.1; // s after which it is better left out
@@ -35,11 +37,11 @@ export function mount(root, api, { station }) {
     pace = SHOWN.includes(wizard.state) ? wizard.pace : null;
     const paced = Boolean(pace?.cycle.length);
     drawKind([paced, paced || Boolean(pace?.repetitions), wizard.state]);
-    const ago = wizard.state === "countdown" ? -wizard.remaining : wizard.state === "task_run" ? pace?.elapsed : null;
+    const ago = COUNTING.includes(wizard.state) ? -wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
     if (paced && ago !== null && glove.flowing) zero = onset.hear(now(), ago);
     else halt();
     if (paced) drawNote(blocked(clicks.state() === "blocked"));
-    else if (pace?.repetitions) drawCount(wizard.state === "task_run" ? (numbers.find((n) => COUNTED.includes(n.name))?.value ?? 0) : 0);
+    else if (pace?.repetitions) drawCount(RUNNING.includes(wizard.state) ? (numbers.find((n) => COUNTED.includes(n.name))?.value ?? 0) : 0);
     frame ||= requestAnimationFrame(draw);
   }
 

@@ -3,7 +3,7 @@ import { h, whenChanged } from "../dom.js";
 import { partWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
-const SHOWN = ["connect", "pose_ready", "pose_hold"];
+const SHOWN = ["connect", "pose_ready", "pose_hold", "step_ready"];
 
 export function mount(root, api, { station }) {
   const lamp = h("span", { class: "lamp", "aria-hidden": "true" });

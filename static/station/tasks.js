@@ -3,13 +3,15 @@ import { h, whenChanged } from "../dom.js";
 import { errorBox, field, once, select } from "../forms.js";
 import { known, t } from "../words/words.js";
 
-const SIGN = { accepted: "✓", skipped: "–" };
+const SIGN = { accepted: "✓", good: "✓", used: "✓", skipped: "–", spoilt: "!" };
+const GOOD = ["accepted", "good", "used"];
 
 export function mount(root, api, { station }) {
   const box = errorBox();
   const list = h("ol", {});
   const choice = h("div", {});
-  root.append(h("h3", {}, t("tasks.title")), choice, list, box.element);
+  const heading = h("h3", {});
+  root.append(heading, choice, list, box.element);
   const drawGroups = whenChanged(
     ({ wizard }) => [wizard.groups, wizard.group, wizard.actions.includes("group") && wizard.groups.length > 1],
     ([groups, now, choosing]) => {
@@ -20,10 +22,16 @@ export function mount(root, api, { station }) {
     },
   );
   const draw = whenChanged(
-    ({ wizard }) => [wizard.tasks, wizard.task, wizard.state, wizard.actions.includes("choose")],
+    ({ wizard }) => [
+      wizard.calibration_steps.length ? wizard.calibration_steps : wizard.tasks,
+      wizard.task,
+      wizard.state,
+      wizard.actions.includes("choose"),
+    ],
     ([tasks, current, state, choosing]) => {
       root.hidden = state === "connect" || state === "finished";
-      list.replaceChildren(...tasks.map((task) => line(task, choosing, state.startsWith("task_") && task.name === current, state)));
+      heading.textContent = t(state.startsWith("step_") ? "tasks.steps" : "tasks.title");
+      list.replaceChildren(...tasks.map((task) => line(task, choosing, /^(task|step)_/.test(state) && task.name === current)));
     },
   );
 
@@ -36,7 +44,7 @@ export function mount(root, api, { station }) {
   function line(task, choosing, current) {
     const outcome = h(
       "span",
-      { class: `badge ${task.outcome === "accepted" ? "good" : task.outcome ? "warn" : ""}` },
+      { class: `badge ${GOOD.includes(task.outcome) ? "good" : task.outcome ? "warn" : ""}` },
       stands(task, current),
     );
     const words = [h("span", {}, task.title), outcome];
