@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import LONG, Server, act, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
+from tests.journeys.house import LONG, Server, act, api, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 
@@ -115,3 +115,43 @@ def test_a_port_without_a_glove_says_so(page_without_scene: Page, server: Server
     end_session(page)
     expect(shown(page.get_by_role("heading", name="This session has no usable recording"))).to_be_visible()
     keep_picture(page, "session-failed")
+
+
+def test_a_calibration_by_movements_is_led_through_and_used(page_without_scene: Page, server: Server) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    begin_session(page, "left")
+    shown(act(page, "continue")).click()
+    act(page, "start").click()
+    shown(act(page, "accept")).click()
+    shown(act(page, "calibrate")).click()
+    shown(page.get_by_role("heading", name="Step 1 of 6: Flat hand"))
+    keep_picture(page, "calibration-flat")
+    expect(act(page, "use")).to_have_count(0)
+    act(page, "start").click()
+    shown(page.get_by_text("This step is good"))
+    keep_picture(page, "calibration-flat-good")
+    act(page, "next").click()
+    act(page, "next").click()  # the flat thumb is left out
+    page.locator('[data-task="flexion_all"]').click()
+    shown(act(page, "start")).click()
+    shown(page.get_by_text("Seconds left"))
+    keep_picture(page, "calibration-all")
+    shown(page.get_by_text("Bent 3 times"))
+    keep_picture(page, "calibration-all-good")
+    act(page, "use").click()
+    shown(page.get_by_text("Initial pose again"))
+    keep_picture(page, "calibration-pose")
+    act(page, "start").click()
+    shown(page.get_by_text("Movements told how the sensors sit (2 steps)"))
+    keep_picture(page, "calibration-review")
+    act(page, "accept").click()
+    shown(act(page, "calibrate")).click()
+    expect(page.locator('[data-task="flexion_all"]')).to_contain_text("in use")
+    keep_picture(page, "calibration-again")
+    act(page, "stop").click()
+    shown(act(page, "calibrate"))
+    end_session(page)
+    shown(page.get_by_role("link", name="Report (PDF)"))
+    told = api(page, f"/api/sessions/{page.url.rsplit('/', 1)[1]}")
+    assert "'flat_hand'" in str(told) and "'flexion_all'" in str(told)
