@@ -222,9 +222,8 @@ class Tracking:
         self._path_state = hand_filter.start(HandFilterParams(), calibration)
         self._path.clear()
         self._state = self.method.start(self.params, calibration, self._streams())
-        past = sorted((b for blocks in self._samples.values() for b in blocks), key=lambda b: b.t[-1])
-        later = [b.between(calibration.t, np.inf) for b in past]
-        if any(len(b.t) for b in later):
+        later = [join(list(blocks)).between(calibration.t, np.inf) for blocks in self._samples.values() if blocks]
+        if any(len(b.t) for b in later):  # one block a stream: thousands of small steps would take seconds, and the queue run over
             self._poses.clear()
             self._step([b for b in later if len(b.t)])
 
