@@ -96,13 +96,8 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
         magnetic, blocks = magnetometers.release(state.magnetic, -np.inf)
         state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
         pieces.append(piece)
-    sensors, rows, last = dict(state.sensors), state.rows, []
-    for name, fusion in state.sensors.items():
-        sensors[name], oriented = sensor_fusion.finish(params, fusion)
-        rows, given = time_base.step(rows, fusion.stream, oriented)
-        last.append(given)
-    rows, given = time_base.finish(rows)
-    state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), time_base.join([*last, given]))
+    sensors, rows, given = time_base.drained(params, state.sensors, state.rows)
+    state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
 
 

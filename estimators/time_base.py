@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
+from estimators import sensor_fusion
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
@@ -75,6 +76,19 @@ def release(state: State, patience: float) -> tuple[State, Rows]:
 def finish(state: State) -> tuple[State, Rows]:
     """Give out all rows: nothing more will come."""
     return _give(state, 0.0)
+
+
+def drained(
+    params: sensor_fusion.FusionParams, fusions: Mapping[str, sensor_fusion.StreamState], state: State
+) -> tuple[dict[str, sensor_fusion.StreamState], State, Rows]:
+    """What the fusions of all streams and the time base still held back: the states behind it, and the rows."""
+    after, last = dict(fusions), []
+    for name, fusion in fusions.items():
+        after[name], oriented = sensor_fusion.finish(params, fusion)
+        state, given = step(state, fusion.stream, oriented)
+        last.append(given)
+    state, given = finish(state)
+    return after, state, join([*last, given])
 
 
 def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:

@@ -8,17 +8,14 @@ from itertools import product
 
 import numpy as np
 
-from app.report.units import DEG
 from app.reproduce import Wanted
-from app.reproduce.accuracy import angle_errors, rms, tip_rmse
 from app.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants, calibrating, chosen, simulated_setting
 from app.reproduce.finding import Finding, Row, Table, spread
-from estimators.hand_anatomy import FINGER_JOINTS, JOINT
+from app.reproduce.table6 import errors_of
 from estimators.methods import m2
 from estimators.processing import process
 from estimators.simulation.experiments import TABLE6
 
-CM = 100.0
 VARIANTS = {
     "pose alone": m2.Params(functional=False),
     "common inclination": m2.Params(functional=False, alignment="common"),
@@ -36,9 +33,7 @@ def measure(trial: Trial) -> Errors:
     recording, finger = calibrating(trial), TABLE6[trial.experiment].fingers[0]
     found = {}
     for variant, params in VARIANTS.items():
-        estimate, truth = at_the_truths_instants(recording, process(m2, params, recording).trajectory)
-        of_finger, of_all = (rms(angle_errors(estimate, truth, joints)) for joints in (FINGER_JOINTS[finger], tuple(JOINT)))
-        found[variant] = (CM * tip_rmse(estimate, truth, [finger]), DEG * of_finger, DEG * of_all)
+        found[variant] = errors_of(*at_the_truths_instants(recording, process(m2, params, recording).trajectory), finger)
     return found
 
 

@@ -12,6 +12,7 @@ from app.reproduce.experiments import VARIANTS, Trial, chosen, estimated, perfor
 from app.reproduce.finding import Finding, Row, Table, Verdict, spread, standing
 from estimators.hand_anatomy import FINGER_JOINTS, JOINT
 from estimators.simulation.experiments import TABLE6
+from estimators.trajectory import Trajectory
 
 TIP_TARGET, ANGLE_TARGET = 0.8, 2.6  # cm, deg on average over the table
 CM = 100.0
@@ -26,12 +27,13 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 def measure(trial: Trial) -> Errors:
     """RMSE of the moved finger's tip, of its joint angles and of all joint angles."""
     recording, finger = performed(trial), TABLE6[trial.experiment].fingers[0]
-    found = {}
-    for variant in VARIANTS:
-        estimate, truth = estimated(recording, variant)
-        of_finger, of_all = (rms(angle_errors(estimate, truth, joints)) for joints in (FINGER_JOINTS[finger], tuple(JOINT)))
-        found[variant] = (CM * tip_rmse(estimate, truth, [finger]), DEG * of_finger, DEG * of_all)
-    return found
+    return {variant: errors_of(*estimated(recording, variant), finger) for variant in VARIANTS}
+
+
+def errors_of(estimate: Trajectory, truth: Trajectory, finger: str) -> tuple[float, float, float]:
+    """RMSE of the finger's tip in cm, of its joint angles and of all joint angles in deg."""
+    of_finger, of_all = (rms(angle_errors(estimate, truth, joints)) for joints in (FINGER_JOINTS[finger], tuple(JOINT)))
+    return CM * tip_rmse(estimate, truth, [finger]), DEG * of_finger, DEG * of_all
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Errors]]) -> Finding:

@@ -118,13 +118,8 @@ def release(params: Params, state: State, patience: float) -> tuple[State, Traje
 
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
-    sensors, rows, last = dict(state.sensors), state.rows, []
-    for name, fusion in state.sensors.items():
-        sensors[name], oriented = sensor_fusion.finish(params, fusion)
-        rows, given = time_base.step(rows, fusion.stream, oriented)
-        last.append(given)
-    rows, given = time_base.finish(rows)
-    return _hand(params, replace(state, sensors=sensors, rows=rows), time_base.join([*last, given]))
+    sensors, rows, given = time_base.drained(params, state.sensors, state.rows)
+    return _hand(params, replace(state, sensors=sensors, rows=rows), given)
 
 
 def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:
