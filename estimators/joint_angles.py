@@ -6,9 +6,12 @@ Source  Salchow-Hoemmen 2019, (20)-(22); Valtin 2017, (3)-(5)
 Limits  deviation of +-90 deg is singular (gimbal lock): flexion and pronation are then only known together
 """
 
+import math
+
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.compiled import rowwise
 from estimators.hand_anatomy import ANGLES as ANGLES
 from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, LIMITS, PARENTS, PRONATION
 from estimators.quaternions import Array
@@ -16,25 +19,12 @@ from estimators.quaternions import Array
 
 def decompose(q_pc: Array) -> Array:
     """Angles (..., 3) of rotations (..., 4)."""
-    w, x, y, z = (q_pc[..., k] for k in range(4))
-    angles = np.empty((*q_pc.shape[:-1], 3))
-    ww, xx, yy, zz = w * w, x * x, y * y, z * z
-    angles[..., FLEXION] = np.arctan2(2 * (w * z - x * y), ww - xx + yy - zz)  # (20)
-    angles[..., DEVIATION] = np.arcsin(np.minimum(np.maximum(2 * (w * x + y * z), -1.0), 1.0))  # (21), rounding may leave [-1, 1]
-    angles[..., PRONATION] = np.arctan2(2 * (w * y - x * z), ww - xx - yy + zz)  # (22)
-    return angles
+    return _decompose(q_pc, quat.AXES)
 
 
 def compose(angles: Array) -> Array:
     """Rotations q_pc (..., 4) of angles (..., 3): the inverse of `decompose`, written out."""
-    half = 0.5 * angles
-    c, s = np.cos(half), np.sin(half)
-    cz, cx, cy, sz, sx, sy = c[..., 0], c[..., 1], c[..., 2], s[..., 0], s[..., 1], s[..., 2]
-    q = np.empty((*angles.shape[:-1], 4))
-    a, b, d, e = cz * cx, cz * sx, sz * sx, sz * cx  # q_z q_x = (a, b, d, e)
-    q[..., 0], q[..., 1] = a * cy - d * sy, b * cy - e * sy
-    q[..., 2], q[..., 3] = d * cy + a * sy, e * cy + b * sy
-    return q
+    return _compose(angles, quat.ROW)
 
 
 def of_segments(q_GS: Array) -> Array:
@@ -50,3 +40,20 @@ def constrained(angles: Array) -> Array:
 def only_freedoms(angles: Array) -> Array:
     """NaN where a joint has no such freedom: what a Trajectory keeps."""
     return np.where(IS_DOF, angles, np.nan)
+
+
+@rowwise("(q),(a)->(a)")
+def _decompose(q: Array, row: Array, angles: Array) -> None:
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    angles[FLEXION] = math.atan2(2 * (w * z - x * y), ww - xx + yy - zz)  # (20)
+    angles[DEVIATION] = math.asin(min(max(2 * (w * x + y * z), -1.0), 1.0))  # (21), rounding may leave [-1, 1]
+    angles[PRONATION] = math.atan2(2 * (w * y - x * z), ww - xx - yy + zz)  # (22)
+
+
+@rowwise("(a),(q)->(q)")
+def _compose(angles: Array, row: Array, q: Array) -> None:
+    cz, cx, cy = math.cos(0.5 * angles[FLEXION]), math.cos(0.5 * angles[DEVIATION]), math.cos(0.5 * angles[PRONATION])
+    sz, sx, sy = math.sin(0.5 * angles[FLEXION]), math.sin(0.5 * angles[DEVIATION]), math.sin(0.5 * angles[PRONATION])
+    a, b, d, e = cz * cx, cz * sx, sz * sx, sz * cx  # q_z q_x = (a, b, d, e)
+    q[0], q[1], q[2], q[3] = a * cy - d * sy, b * cy - e * sy, d * cy + a * sy, e * cy + b * sy

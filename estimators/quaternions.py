@@ -2,81 +2,61 @@
 
 Convention  q_ab = [w, x, y, z] takes vectors from frame b to frame a; letters cancel: q_ac = multiply(q_ab, q_bc)
 Shapes      quaternions (..., 4), vectors (..., 3), broadcast against each other
-Exactness   every function is elementwise over the leading axes, so the result of a row never depends on its neighbours:
+Exactness   every function is compiled for one row and runs over the leading axes, so the result of a row never depends on its neighbours:
             a recording cut anywhere gives the same bits (tests/estimators/test_quaternions.py)
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.compiled import rowwise
+
 Array = NDArray[np.float64]
 IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
+ROW, AXES = np.zeros(4), np.zeros(3)  # of the length of what a compiled row gives, where nothing that it takes has it
 
 
 def multiply(q_ab: Array, q_bc: Array) -> Array:
     """Chain two rotations: q_ac (..., 4). Source: Salchow-Hoemmen 2019, (4)."""
-    aw, ax, ay, az = _components(q_ab)
-    bw, bx, by, bz = _components(q_bc)
-    return _stack(
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
+    return _multiply(q_ab, q_bc)
 
 
 def conjugate(q_ab: Array) -> Array:
     """The inverse rotation: q_ba (..., 4)."""
-    w, x, y, z = _components(q_ab)
-    return _stack(w, -x, -y, -z)
+    return _conjugate(q_ab)
 
 
 def relative(q_ga: Array, q_gb: Array) -> Array:
     """Orientation of b seen from a: q_ab = conj(q_ga) q_gb (..., 4). Source: Salchow-Hoemmen 2019, (19); Valtin 2017, (1)."""
-    return multiply(conjugate(q_ga), q_gb)
+    return _relative(q_ga, q_gb)
 
 
 def rotate(q_ab: Array, v_b: Array) -> Array:
     """Take vectors from b to a: v_a (..., 3)."""
-    w, x, y, z = _components(q_ab)
-    vx, vy, vz = v_b[..., 0], v_b[..., 1], v_b[..., 2]
-    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    return _stack(vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx)
+    return _rotate(q_ab, v_b)
 
 
 def normalize(q: Array) -> Array:
     """Scale to unit norm (..., 4)."""
-    w, x, y, z = _components(q)
-    n = np.sqrt(w * w + x * x + y * y + z * z)
-    return _stack(w / n, x / n, y / n, z / n)
+    return _normalize(q)
 
 
 def exp(rotvec: Array) -> Array:
     """Quaternion of a rotation vector in rad: (..., 3) -> (..., 4)."""
-    x, y, z = rotvec[..., 0], rotvec[..., 1], rotvec[..., 2]
-    angle = np.sqrt(x * x + y * y + z * z)
-    half = 0.5 * angle
-    small = angle < 1e-8  # sin(h)/angle = 1/2 - angle^2/48: the second term is below rounding
-    k = np.where(small, 0.5, np.sin(half) / np.where(small, 1.0, angle))
-    return _stack(np.cos(half), k * x, k * y, k * z)
+    return _exp(rotvec, ROW)
 
 
 def log(q: Array) -> Array:
     """Rotation vector in rad of the shorter way round: (..., 4) -> (..., 3)."""
-    w, x, y, z = _components(q)
-    sign = np.where(w < 0, -1.0, 1.0)
-    n = np.sqrt(x * x + y * y + z * z)
-    small = n < 1e-10
-    k = np.where(small, 2.0, 2 * np.arctan2(n, sign * w) / np.where(small, 1.0, n)) * sign
-    return _stack(k * x, k * y, k * z)
+    return _log(q, AXES)
 
 
 def angle(q: Array) -> Array:
     """Size of the rotation in rad, in [0, pi]: (..., 4) -> (...)."""
-    w, x, y, z = _components(q)
-    return 2 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w))
+    return _angle(q)
 
 
 def about(axis: int, theta: Any) -> Array:
@@ -89,10 +69,7 @@ def about(axis: int, theta: Any) -> Array:
 
 def headed(q_GS: Array, theta: Any) -> Array:
     """Turn q_GS (..., 4) by theta (...) rad about the global vertical: about(2, theta) times q_GS, at half its cost."""
-    half = 0.5 * np.asarray(theta, dtype=float)
-    c, s = np.cos(half), np.sin(half)
-    w, x, y, z = _components(q_GS)
-    return _stack(c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
+    return _headed(q_GS, theta)
 
 
 def twist(q: Array, axis: int) -> Array:
@@ -159,3 +136,68 @@ def _stack(*parts: Array) -> Array:
     for k, part in enumerate(parts):
         out[k] = part
     return out.transpose(*range(1, out.ndim), 0)
+
+
+@rowwise("(q),(q)->(q)")
+def _multiply(a: Array, b: Array, product: Array) -> None:
+    product[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    product[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    product[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    product[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+
+
+@rowwise("(q)->(q)")
+def _conjugate(q: Array, inverse: Array) -> None:
+    inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
+
+
+@rowwise("(q),(q)->(q)")
+def _relative(a: Array, b: Array, seen: Array) -> None:
+    seen[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    seen[1] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
+    seen[2] = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
+    seen[3] = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
+
+
+@rowwise("(q),(v)->(v)")
+def _rotate(q: Array, v: Array, turned: Array) -> None:
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    tx, ty, tz = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
+    turned[0], turned[1], turned[2] = v[0] + w * tx + y * tz - z * ty, v[1] + w * ty + z * tx - x * tz, v[2] + w * tz + x * ty - y * tx
+
+
+@rowwise("(q)->(q)")
+def _normalize(q: Array, unit: Array) -> None:
+    n = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    unit[0], unit[1], unit[2], unit[3] = q[0] / n, q[1] / n, q[2] / n, q[3] / n
+
+
+@rowwise("(v),(q)->(q)")
+def _exp(rotvec: Array, row: Array, q: Array) -> None:
+    x, y, z = rotvec[0], rotvec[1], rotvec[2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    half = 0.5 * angle
+    # sin(h)/angle = 1/2 - angle^2/48: the second term is below rounding
+    k = (math.sin(half) if angle >= 1e-8 else 0.5) / (angle if angle >= 1e-8 else 1.0)
+    q[0], q[1], q[2], q[3] = math.cos(half), k * x, k * y, k * z
+
+
+@rowwise("(q),(v)->(v)")
+def _log(q: Array, row: Array, rotvec: Array) -> None:
+    x, y, z = q[1], q[2], q[3]
+    sign = -1.0 if q[0] < 0 else 1.0
+    n = math.sqrt(x * x + y * y + z * z)
+    k = sign * 2 * (math.atan2(n, sign * q[0]) if n >= 1e-10 else 1.0) / (n if n >= 1e-10 else 1.0)
+    rotvec[0], rotvec[1], rotvec[2] = k * x, k * y, k * z
+
+
+@rowwise("(q)->()")
+def _angle(q: Array, size: Array) -> None:
+    size[0] = 2 * math.atan2(math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), abs(q[0]))
+
+
+@rowwise("(q),()->(q)")
+def _headed(q: Array, theta: float, turned: Array) -> None:
+    c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
+    turned[0], turned[1] = c * q[0] - s * q[3], c * q[1] - s * q[2]
+    turned[2], turned[3] = c * q[2] + s * q[1], c * q[3] + s * q[0]

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 ROOMS = ("app", "sessions", "estimators")  # each may import those behind it
-NUMERICS = {"numpy", "scipy", "filterpy", "vqf"}
+NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock
     *("socket", "ssl", "http", "urllib", "select", "selectors", "asyncio", "smtplib", "ftplib", "socketserver"),
