@@ -19,7 +19,7 @@ from estimators.measures.tapping import Tapping
 from estimators.methods import METHODS
 from estimators.processing import Processed, process
 from estimators.trajectory import Trajectory
-from sessions import derivative, records
+from sessions import corrections, derivative, records
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
 from sessions.results import begin, get
@@ -56,7 +56,7 @@ def computed(store: Store, result: Result, progress: Callable[[float], None] = l
     if result.method not in METHODS:
         raise InputError(f"there is no method {result.method!r}; methods are {', '.join(METHODS)}")
     method = METHODS[result.method]
-    recording = records.opened(store, result.recording)
+    recording = corrections.corrected(records.opened(store, result.recording), result.corrections)
     return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress)
 
 

@@ -53,6 +53,13 @@ class Trajectory:
         first, last = np.searchsorted(self.t, [start, stop])
         return self._each(lambda a: a[first:last])
 
+    def without(self, spans: Iterable[tuple[float, float]]) -> "Trajectory":
+        """The samples outside these stretches of time [start, stop]."""
+        kept = np.ones(len(self), bool)
+        for start, stop in spans:
+            kept &= (self.t < start) | (self.t > stop)
+        return self if kept.all() else self._each(lambda a: a[kept])
+
     def reversed(self) -> "Trajectory":
         """The same samples in reverse order."""
         return self._each(lambda a: a[::-1])

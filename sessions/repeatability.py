@@ -20,11 +20,13 @@ from sqlalchemy import delete, event, inspect, select
 from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 
 from estimators.measures.repeatability import Interval, reliability, within
-from sessions.tables import PatientSession, RecordingFile, Repeatability, Result
+from sessions import corrections
+from sessions.tables import Correction, PatientSession, RecordingFile, Repeatability, Result
 
 REPEATED = timedelta(days=7)
 ENOUGH = 4  # degrees of freedom (five sessions in a week): the SEM's upper limit is 2.9 SEM; with one it is 32 SEM, and 30 of 100 changes of nothing exceed 1.96 sqrt(2) SEM
 CHANGED = "changed_results"  # in a database session's info: ids of results stored or removed since its last commit
+CORRECTED = "corrected_recordings"  # and of recordings whose corrections changed: other results of theirs count from now on
 
 PEOPLE = 2  # of a glove's figures: one person says what that person repeats
 
@@ -66,7 +68,7 @@ class Comparison:
 def keep(database: sessionmaker[Session]) -> None:
     """From now on every commit of this database that stores or removes a result brings the table up to date."""
     event.listen(database, "before_commit", _before_commit)
-    event.listen(database, "after_rollback", lambda db: db.info.pop(CHANGED, None))
+    event.listen(database, "after_rollback", _forget)
 
 
 def fill(database: sessionmaker[Session]) -> None:
@@ -132,8 +134,16 @@ def _over_trials(name: str, found: list[float]) -> float:
 
 def _before_commit(db: Session) -> None:
     db.flush()
-    if changed := db.info.pop(CHANGED, None):
+    changed, corrected = db.info.pop(CHANGED, set()), db.info.pop(CORRECTED, None)
+    if corrected:
+        changed |= set(db.scalars(select(Result.id).where(Result.recording_id.in_(corrected))))
+    if changed:
         refresh(db, changed)
+
+
+def _forget(db: Session) -> None:
+    for name in (CHANGED, CORRECTED):
+        db.info.pop(name, None)
 
 
 def _mark(result: Result) -> None:
@@ -149,17 +159,36 @@ def _stored(mapper: Mapper[Result], connection: object, result: Result) -> None:
         _mark(result)
 
 
+@event.listens_for(Correction, "after_insert")
+@event.listens_for(Correction, "after_update")
+def _corrected(mapper: Mapper[Correction], connection: object, correction: Correction) -> None:
+    db = object_session(correction)
+    if db is not None:
+        db.info.setdefault(CORRECTED, set()).add(correction.recording_id)
+
+
 @event.listens_for(Result, "after_delete")
 def _removed(mapper: Mapper[Result], connection: object, result: Result) -> None:
     _mark(result)
 
 
 def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
-    """Of every session the newest finished result of each way, in order of time; of a recording kept twice the first session only."""
+    """Of every session the newest finished result of each way by the corrections that count, in order of time; of a recording kept twice the first
+    session only."""
     file, visit = RecordingFile, PatientSession
     query = (
         select(
-            Result.id, visit.id, visit.patient_id, visit.hand, visit.started, file.sha256, file.summary, Result.method, Result.parameters
+            Result.id,
+            visit.id,
+            visit.patient_id,
+            visit.hand,
+            visit.started,
+            file.sha256,
+            file.summary,
+            Result.method,
+            Result.parameters,
+            file.id,
+            Result.corrections,
         )
         .join(file, Result.recording_id == file.id)
         .join(visit, file.session_id == visit.id)
@@ -168,14 +197,25 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
     )
     if patient is not None:
         query = query.where(visit.patient_id == patient)
+    standing = _standing(db)
     newest: dict[Any, Occasion] = {}
-    for id_, session, person, hand, started, checksum, summary, method, parameters in db.execute(query):
+    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied in db.execute(query):
+        if applied != standing.get(recording, []):
+            continue
         o = Occasion(id_, session, person, hand, started, checksum or "", _device(summary), method, parameters)
         newest[o.session, o.way] = o
     first: dict[Any, Occasion] = {}
     for o in newest.values():
         first.setdefault((o.patient, o.way, o.checksum), o)
     return list(first.values())
+
+
+def _standing(db: Session) -> dict[int, list[dict[str, Any]]]:
+    """The corrections that count, by recording."""
+    rows: dict[int, list[Correction]] = defaultdict(list)
+    for correction in db.scalars(select(Correction).where(Correction.undone.is_(None))):
+        rows[correction.recording_id].append(correction)
+    return {recording: corrections.as_data(found) for recording, found in rows.items()}
 
 
 def _occasion(result: Result) -> Occasion:

@@ -9,6 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
+from sessions import corrections
 from sessions.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
@@ -18,16 +19,18 @@ ENDED = "the computation ended unexpectedly; try other options or report this re
 
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
     """sha256 of everything that the result depends on."""
-    parts = [file.sha256, method, dict(parameters), file.session.geometry, file.session.hand, version]
+    standing = corrections.standing(file)
+    parts = [file.sha256, method, dict(parameters), file.session.geometry, file.session.hand, version, *([standing] if standing else [])]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> Result:
-    """The result with this key, queued when there is none or when it failed before."""
+    """The result with this key, queued when there is none or when it failed before; by the corrections that count now."""
     key = key_of(file, method, parameters, version)
     result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
     if result is None:
-        result = Result(recording=file, key=key, method=method, parameters=dict(parameters), version=version)
+        facts = {"method": method, "parameters": dict(parameters), "version": version, "corrections": corrections.standing(file)}
+        result = Result(recording=file, key=key, **facts)
         db.add(result)
     elif result.state == "failed":
         result.state, result.error, result.progress, result.attempts = "queued", "", 0.0, 0
@@ -41,6 +44,16 @@ def get(db: Session, result_id: int) -> Result:
     if result is None:
         raise InputError(f"there is no result {result_id}; it may have been erased")
     return result
+
+
+def current(file: RecordingFile) -> list[Result]:
+    """Of every method with its options the newest result by the corrections that count now, the newest first."""
+    standing = corrections.standing(file)
+    newest: dict[str, Result] = {}
+    for result in sorted(file.results, key=lambda r: -r.id):
+        if result.corrections == standing:
+            newest.setdefault(json.dumps([result.method, result.parameters], sort_keys=True, default=str), result)
+    return list(newest.values())
 
 
 def begin(db: Session, result: Result) -> None:

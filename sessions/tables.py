@@ -87,20 +87,42 @@ class RecordingFile(Base):
     summary: Mapped[dict[str, Any]] = mapped_column(default=dict)  # duration, streams, losses, warnings: for lists without opening the file
 
     session: Mapped[PatientSession] = relationship(back_populates="recordings")
+    corrections: Mapped[list["Correction"]] = relationship(
+        back_populates="recording", cascade="all, delete-orphan", order_by="Correction.id"
+    )
     results: Mapped[list["Result"]] = relationship(back_populates="recording", cascade="all, delete-orphan", order_by="Result.id.desc()")
 
 
+class Correction(Base):
+    """A trial or a stretch of it that a person took out of the figures, or moved, and why (sessions/corrections.py). Never removed, only undone."""
+
+    __tablename__ = "correction"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    event: Mapped[int]  # which of the recording's events, from 0
+    kind: Mapped[str] = mapped_column(String(16))  # exclude, move, leave_out
+    onset: Mapped[float]  # s of the recording
+    end: Mapped[float]
+    reason: Mapped[str]
+    made: Mapped[datetime] = mapped_column(default=now)
+    undone: Mapped[datetime | None]
+
+    recording: Mapped[RecordingFile] = relationship(back_populates="corrections")
+
+
 class Result(Base):
-    """What a method gave: a function of (recording, method, parameters, version), recomputed at will, never edited."""
+    """What a method gave: a function of (recording, corrections, method, parameters, version), recomputed at will, never edited."""
 
     __tablename__ = "result"
     __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
     recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
-    key: Mapped[str] = mapped_column(String(64))  # sha256 of method, parameters, geometry, events and version
+    key: Mapped[str] = mapped_column(String(64))  # sha256 of method, parameters, geometry, corrections and version
     method: Mapped[str] = mapped_column(String(32))
     parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")  # that it was computed with
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
     state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,8 +17,8 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.methods import METHODS
 from estimators.options import describe
-from sessions import native, patients, records, results
-from sessions.tables import PatientSession, RecordingFile, Result
+from sessions import corrections, native, patients, records, results
+from sessions.tables import Correction, PatientSession, RecordingFile, Result
 
 router = APIRouter(tags=["sessions"])
 PIECE = 2**20
@@ -39,6 +39,16 @@ class SessionChange(BaseModel):
 
     notes: str | None = Field(None, max_length=20_000)
     examiner: str | None = Field(None, max_length=200)
+
+
+class NewCorrection(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    event: int = Field(description="which of the recording's events, from 0")
+    kind: str = Field(description="exclude (the trial), move (its ends), leave_out (a stretch within it)")
+    reason: str = Field(max_length=1000)
+    onset: float = Field(0.0, allow_inf_nan=False, description="s of the recording: the new ends, or those of the stretch")
+    end: float = Field(0.0, allow_inf_nan=False)
 
 
 class NewResult(BaseModel):
@@ -120,12 +130,28 @@ def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict
     return {"result": result.id}
 
 
+@router.post("/recordings/{recording_id}/corrections", status_code=201)
+def correct(db: Db, parts: PartsDep, recording_id: int, new: NewCorrection) -> dict[str, Any]:
+    """Take a trial or a stretch of it out of the figures, or move its ends; what was computed is computed anew without it, and kept."""
+    file = _closed(db, recording_id)
+    before = results.current(file)
+    made = corrections.add(db, file, new.event, new.kind, new.reason, new.onset, new.end)
+    return {"correction": correction_row(made), "results": _recomputed(db, parts, file, before)}
+
+
+@router.delete("/corrections/{correction_id}")
+def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, Any]:
+    """Take a correction back; it stays in the list with the moment at which it was."""
+    file = corrections.get(db, correction_id).recording
+    before = results.current(file)
+    made = corrections.undo(db, correction_id)
+    return {"correction": correction_row(made), "results": _recomputed(db, parts, file, before)}
+
+
 @router.get("/recordings/{recording_id}/file")
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
     """The recording as it was kept, byte for byte."""
-    file = db.get(RecordingFile, recording_id)
-    if file is None or file.sha256 is None:
-        raise InputError(f"there is no closed recording {recording_id}")
+    file = _closed(db, recording_id)
     path = parts.store.path_of(file.file)
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
 
@@ -152,6 +178,7 @@ def session_row(s: PatientSession) -> dict[str, Any]:
 
 
 def recording_row(f: RecordingFile) -> dict[str, Any]:
+    current = results.current(f)
     return {
         "id": f.id,
         "format": f.format,
@@ -160,11 +187,41 @@ def recording_row(f: RecordingFile) -> dict[str, Any]:
         "bytes": f.bytes,
         "added": f.added,
         "summary": f.summary,
+        "corrections": [correction_row(c) for c in f.corrections],
         "results": [
-            {"id": r.id, "method": r.method, "parameters": r.parameters, "version": r.version, "state": r.state, "created": r.created}
+            {
+                "id": r.id,
+                "method": r.method,
+                "parameters": r.parameters,
+                "version": r.version,
+                "state": r.state,
+                "created": r.created,
+                "corrections": len(r.corrections),
+                "current": r in current,
+            }
             for r in f.results
         ],
     }
+
+
+def correction_row(c: Correction) -> dict[str, Any]:
+    return {name: getattr(c, name) for name in ("id", "event", "kind", "onset", "end", "reason", "made", "undone")}
+
+
+def _closed(db: Db, recording_id: int) -> RecordingFile:
+    file = db.get(RecordingFile, recording_id)
+    if file is None or file.sha256 is None:
+        raise InputError(f"there is no closed recording {recording_id}")
+    return file
+
+
+def _recomputed(db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]) -> list[dict[str, int]]:
+    """What stands now for each of the results that stood before."""
+    pairs = [(old, results.wanted(db, file, old.method, old.parameters, software_version())) for old in before]
+    for _, result in pairs:
+        if result.state == "queued":
+            parts.jobs.process(result.id)
+    return [{"before": old.id, "now": result.id} for old, result in pairs]
 
 
 def _queue(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:

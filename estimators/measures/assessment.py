@@ -23,15 +23,19 @@ class TaskResult:
 
 
 def assess(trajectory: Trajectory, events: Sequence[Event]) -> list[TaskResult]:
-    """Apply every measure to every task that it applies to; without any task, to the whole recording."""
-    tasks = [e for e in events if e.trial_type == "task" and not e.details.get("excluded")]
-    if not tasks and len(trajectory):
+    """Apply every measure to every task that it applies to; without any task, to the whole recording.
+
+    A task with the detail `excluded` is left out, and of a task the stretches (start, stop) s in its detail `left_out`.
+    """
+    told = [e for e in events if e.trial_type == "task"]
+    tasks = [e for e in told if not e.details.get("excluded")]
+    if not told and len(trajectory):
         tasks = [Event(float(trajectory.t[0]), float(trajectory.t[-1] - trajectory.t[0]), "task", {"task_name": "whole recording"})]
     results = []
     for event in tasks:
-        task = str(event.details.get("task_name", "task"))
+        task, counted = str(event.details.get("task_name", "task")), trajectory.without(event.details.get("left_out", ()))
         for name, module in MEASURES.items():
             if module.applies(task):
-                details = module.measure(module.Params(), trajectory, event.onset, event.end)
+                details = module.measure(module.Params(), counted, event.onset, event.end)
                 results.append(TaskResult(task, name, event.onset, event.end, details, tuple(module.figures(details))))
     return results

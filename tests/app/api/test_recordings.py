@@ -108,6 +108,31 @@ def test_the_same_method_and_options_give_the_result_that_is_there(client: TestC
         assert sentence in refused.json()["error"]
 
 
+def test_a_trial_is_left_out_with_a_reason_and_taken_back(client: TestClient, patient: int, packed: bytes) -> None:
+    made = upload(client, patient, packed).json()
+    first = finished(client, made["result"])
+    file = client.get(f"/api/sessions/{made['session']}").json()["recordings"][0]
+    event = next(k for k, e in enumerate(file["summary"]["events"]) if e["trial_type"] == "task")
+    told = client.post(f"/api/recordings/{file['id']}/corrections", json={"event": event, "kind": "exclude", "reason": "Pain"})
+    assert told.status_code == 201, told.text
+    (pair,) = told.json()["results"]
+    second = finished(client, pair["now"])
+    assert (pair["before"], second["state"], second["figures"]) == (first["id"], "done", [])
+    assert any("left out of the figures (Pain)" in w for w in second["warnings"])
+    kept = client.get(f"/api/results/{first['id']}").json()
+    assert kept["figures"] == first["figures"]  # what was computed before stays as it was
+    row = client.get(f"/api/sessions/{made['session']}").json()["recordings"][0]
+    assert {r["id"]: r["current"] for r in row["results"]} == {first["id"]: False, second["id"]: True}
+    back = client.delete(f"/api/corrections/{told.json()['correction']['id']}").json()
+    assert back["results"] == [{"before": second["id"], "now": first["id"]}]
+    assert back["correction"]["undone"]
+    assert client.delete("/api/corrections/99999").status_code == 404
+    assert (
+        "needs a reason"
+        in client.post(f"/api/recordings/{file['id']}/corrections", json={"event": event, "kind": "exclude", "reason": ""}).json()["error"]
+    )
+
+
 def test_a_replay_moves_along_its_time_line(client: TestClient, patient: int, packed: bytes) -> None:
     result = finished(client, upload(client, patient, packed).json()["result"])
     station = client.post(f"/api/results/{result['id']}/replay").json()["station"]

@@ -35,6 +35,22 @@ def test_an_excluded_task_is_left_out() -> None:
     assert [r.task for r in assess(recording.truth, events)] == ["wiggle"]
 
 
+def test_a_task_whose_every_trial_is_excluded_is_not_replaced_by_the_whole_recording() -> None:
+    assert assess(pose_and_wiggle("left").truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle", "excluded": "pain"})]) == []
+
+
+def test_a_stretch_left_out_counts_for_no_figure() -> None:
+    truth = pose_and_wiggle("left").truth
+    (whole,) = assess(truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle"})])
+    pip = next(r for r in whole.details if (r.joint, r.angle) == ("index_pip", "flexion"))
+    away = (pip.t_largest - 2.0, pip.t_largest + 2.0)
+    (cut,) = assess(truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle", "left_out": [away]})])
+    found = next(r for r in cut.details if (r.joint, r.angle) == ("index_pip", "flexion"))
+    assert found.largest < pip.largest - np.radians(10)
+    assert not away[0] <= found.t_largest <= away[1]
+    assert (cut.onset, cut.end) == (whole.onset, whole.end)
+
+
 def test_without_a_task_the_whole_recording_is_assessed() -> None:
     truth = pose_and_wiggle("left").truth
     (result,) = assess(truth, [])
