@@ -1,8 +1,8 @@
 """Patients under pseudonyms: make, find, change. No names, no dates of birth."""
 
-from typing import Any
+from typing import Any, TypeVarTuple
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
@@ -10,16 +10,18 @@ from sqlalchemy.orm.exc import StaleDataError
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import measures_from
-from sessions.tables import Patient, PatientSession
+from sessions.conflicts import ConflictError, require_seen
+from sessions.tables import Note, Patient, PatientSession
 
+Rows = TypeVarTuple("Rows")
 LONGEST_PSEUDONYM = 64
 YEARS = (1900, 2100)
-CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "notes", "archived")
+CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "archived")
 
 
-def create(db: Session, pseudonym: str, **facts: Any) -> Patient:
-    """Keep a new patient; InputError where the pseudonym is empty or taken."""
-    patient = Patient(pseudonym=pseudonym, **facts)
+def create(db: Session, pseudonym: str, note: str = "", **facts: Any) -> Patient:
+    """Keep a new patient, with a first note where one is given; InputError where the pseudonym is empty or taken."""
+    patient = Patient(pseudonym=pseudonym, notes=[Note(text=note.strip())] if note.strip() else [], **facts)
     _check(patient)
     db.add(patient)
     try:
@@ -30,19 +32,29 @@ def create(db: Session, pseudonym: str, **facts: Any) -> Patient:
     return patient
 
 
-def find(db: Session, search: str = "", archived: bool = False, limit: int = 200) -> list[tuple[Patient, int, Any]]:
+def find(db: Session, search: str = "", archived: bool = False, limit: int = 200, offset: int = 0) -> list[tuple[Patient, int, Any]]:
     """Patients whose pseudonym contains the search words, the newest first, with how many sessions they have and when the last one was."""
     query = (
-        select(Patient, func.count(PatientSession.id), func.max(PatientSession.started))
+        _matching(select(Patient, func.count(PatientSession.id), func.max(PatientSession.started)), search, archived)
         .outerjoin(PatientSession)
-        .where(Patient.archived.is_(archived))
         .group_by(Patient.id)
         .order_by(func.coalesce(func.max(PatientSession.started), Patient.created).desc(), Patient.id.desc())
         .limit(limit)
+        .offset(offset)
     )
+    return [(patient, int(count), last) for patient, count, last in db.execute(query)]
+
+
+def count(db: Session, search: str = "", archived: bool = False) -> int:
+    """How many patients `find` would give without a limit."""
+    return db.scalar(_matching(select(func.count(Patient.id)), search, archived)) or 0
+
+
+def _matching(query: Select[*Rows], search: str, archived: bool) -> Select[*Rows]:
+    query = query.where(Patient.archived.is_(archived))
     for word in search.split():
         query = query.where(Patient.pseudonym.icontains(word, autoescape=True))
-    return [(patient, int(count), last) for patient, count, last in db.execute(query)]
+    return query
 
 
 def get(db: Session, patient_id: int) -> Patient:
@@ -56,10 +68,7 @@ def get(db: Session, patient_id: int) -> Patient:
 def change(db: Session, patient_id: int, version: int, **facts: Any) -> Patient:
     """Change facts of a patient as it stood at `version`; InputError where somebody else changed it meanwhile."""
     patient = get(db, patient_id)
-    if patient.version != version:
-        raise InputError(
-            f"patient {patient.pseudonym!r} was changed in another window meanwhile; load the page again and repeat your change"
-        )
+    require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
     unknown = set(facts) - set(CHANGEABLE)
     if unknown:
         raise InputError(f"a patient has no {sorted(unknown)[0]!r}")
@@ -73,7 +82,7 @@ def change(db: Session, patient_id: int, version: int, **facts: Any) -> Patient:
         raise InputError(f"there is already a patient {facts.get('pseudonym')!r}; choose another pseudonym") from None
     except StaleDataError:
         db.rollback()
-        raise InputError("the patient was changed in another window meanwhile; load the page again and repeat your change") from None
+        raise ConflictError("the patient") from None
     return patient
 
 

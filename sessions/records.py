@@ -81,8 +81,8 @@ def opened(store: Store, file: RecordingFile) -> LoadedRecording:
 
 
 def abandoned(db: Session) -> list[PatientSession]:
-    """Sessions that a server that stopped left open."""
-    return list(db.scalars(select(PatientSession).where(PatientSession.state == "open")))
+    """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
+    return list(db.scalars(select(PatientSession).where(PatientSession.state == "open").order_by(PatientSession.started)))
 
 
 def hand_of(word: str) -> Hand:

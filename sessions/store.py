@@ -8,7 +8,7 @@ from pathlib import Path
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
-from sessions import repeatability
+from sessions import notes, repeatability
 from sessions.database import open_database
 
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
@@ -62,4 +62,6 @@ def open_store(folder: Path, url: str | None = None) -> Store:
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     database = open_database(folder, url)
     repeatability.fill(database)
+    with database() as db:
+        notes.purge(db)
     return Store(folder, database, url)

@@ -1,4 +1,7 @@
-"""The database's tables: patients under pseudonyms, their sessions, recordings, results and jobs. Samples are files, never rows."""
+"""The database's tables: patients under pseudonyms, their sessions, recordings, results and jobs. Samples are files, never rows.
+
+NEVER_AGAIN  the number of a row that was erased is not given again: a page that still shows the old one, or a file left behind, must not meet another patient
+"""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -6,6 +9,8 @@ from typing import Any
 from sqlalchemy import JSON, DateTime, ForeignKey, String, TypeDecorator, UniqueConstraint
 from sqlalchemy.engine import Dialect
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+NEVER_AGAIN = {"sqlite_autoincrement": True}
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -31,6 +36,7 @@ def now() -> datetime:
 
 class Patient(Base):
     __tablename__ = "patient"
+    __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
     pseudonym: Mapped[str] = mapped_column(String(64), unique=True)
@@ -38,7 +44,6 @@ class Patient(Base):
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
     hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry by hand: {"left": {...}, "right": {...}}
-    notes: Mapped[str] = mapped_column(default="")
     archived: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
     version: Mapped[int] = mapped_column(default=1)  # counts changes: two editors at once are noticed
@@ -46,6 +51,23 @@ class Patient(Base):
     sessions: Mapped[list["PatientSession"]] = relationship(
         back_populates="patient", cascade="all, delete-orphan", order_by="PatientSession.started.desc()"
     )
+    notes: Mapped[list["Note"]] = relationship(cascade="all, delete-orphan", order_by="Note.id.desc()")
+
+    __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
+
+
+class Note(Base):
+    """A note on a patient, with its day. A removed one can be brought back until it is purged (sessions/notes.py)."""
+
+    __tablename__ = "note"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    text: Mapped[str]
+    written: Mapped[datetime] = mapped_column(default=now)
+    removed: Mapped[datetime | None]
+    version: Mapped[int] = mapped_column(default=1)
 
     __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
 
@@ -54,11 +76,12 @@ class PatientSession(Base):
     """One visit: a hand measured, live or from an uploaded recording."""
 
     __tablename__ = "session"
+    __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
     patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
     hand: Mapped[str] = mapped_column(String(5))
-    state: Mapped[str] = mapped_column(String(16), default="open")  # open (being recorded), recorded, processed, failed
+    state: Mapped[str] = mapped_column(String(16), default="open", index=True)  # open (being recorded), recorded, processed, failed
     started: Mapped[datetime] = mapped_column(default=now)
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
@@ -75,6 +98,7 @@ class RecordingFile(Base):
     """A recording on the disk: its file never changes once it is closed."""
 
     __tablename__ = "recording"
+    __table_args__ = NEVER_AGAIN
 
     id: Mapped[int] = mapped_column(primary_key=True)
     session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
@@ -115,7 +139,7 @@ class Result(Base):
     """What a method gave: a function of (recording, corrections, method, parameters, version), recomputed at will, never edited."""
 
     __tablename__ = "result"
-    __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"),)
+    __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"), NEVER_AGAIN)
 
     id: Mapped[int] = mapped_column(primary_key=True)
     recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
@@ -166,6 +190,26 @@ class Repeatability(Base):
     freedom: Mapped[int]  # degrees of freedom of the SEM
     results: Mapped[list[Any]] = mapped_column(default=list)  # ids that it comes from
     computed: Mapped[datetime] = mapped_column(default=now)
+
+
+class AuditLine(Base):
+    """What was erased, without anything that tells whose it was."""
+
+    __tablename__ = "audit"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    at: Mapped[datetime] = mapped_column(default=now)
+    what: Mapped[str] = mapped_column(String(64))
+    counts: Mapped[dict[str, Any]] = mapped_column(default=dict)  # sessions, recordings, results, notes, bytes
+
+
+class ErasedFile(Base):
+    """A file whose rows are gone and that must go too: the next start finishes what a power cut interrupted."""
+
+    __tablename__ = "erased_file"
+
+    file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
 
 
 class Login(Base):

@@ -20,6 +20,11 @@ export function makeApi(stranger = () => location.assign("/login")) {
     return response.status === 204 ? null : response.json();
   }
 
+  async function some(path) {
+    const response = await reach(path, {});
+    return { rows: await response.json(), total: Number(response.headers.get("X-Total-Count")) };
+  }
+
   async function reach(path, options) {
     let response;
     try {
@@ -44,6 +49,8 @@ export function makeApi(stranger = () => location.assign("/login")) {
 
   return {
     get: (path) => call("GET", path),
+    /** A part of a long list: its `rows`, and how many there are in `total`. */
+    some,
     post: (path, body = {}) => call("POST", path, body),
     patch: (path, body) => call("PATCH", path, body),
     remove: (path) => call("DELETE", path),

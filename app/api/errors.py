@@ -8,12 +8,17 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 from estimators.errors import InputError
+from sessions.conflicts import ConflictError
 
 log = logging.getLogger(__name__)
 
 
 def install(app: FastAPI) -> None:
     """Give every error its answer."""
+
+    @app.exception_handler(ConflictError)
+    async def conflict(request: Request, error: ConflictError) -> JSONResponse:
+        return JSONResponse({"error": str(error)}, 409)
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:

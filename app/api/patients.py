@@ -2,15 +2,17 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.api.readings import calibration_reading
 from app.api.sessions import session_row
 from app.api.state import Db
-from sessions import patients
-from sessions.tables import Patient
+from sessions import notes, patients, timeline
+from sessions.tables import Note, Patient
 
-router = APIRouter(prefix="/patients", tags=["patients"])
+router = APIRouter(tags=["patients"])
+MOST = 200  # patients in one answer
 
 
 class NewPatient(BaseModel):
@@ -20,7 +22,7 @@ class NewPatient(BaseModel):
     year_of_birth: int | None = None
     dominant_hand: str | None = None
     affected_hand: str | None = None
-    notes: str = Field("", max_length=20_000)
+    note: str = Field("", max_length=notes.LONGEST)
 
 
 class PatientChange(BaseModel):
@@ -32,31 +34,73 @@ class PatientChange(BaseModel):
     dominant_hand: str | None = None
     affected_hand: str | None = None
     hand_measures: dict[str, dict[str, Any]] | None = Field(None, description="HandGeometry by hand, metres")
-    notes: str | None = Field(None, max_length=20_000)
     archived: bool | None = None
 
 
-@router.get("")
-def list_patients(db: Db, search: Annotated[str, Query(max_length=200)] = "", archived: bool = False) -> list[dict[str, Any]]:
-    """Patients by pseudonym, the most recently seen first."""
-    return [{**patient_row(p), "sessions": count, "last_session": last} for p, count, last in patients.find(db, search, archived)]
+class NewNote(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    text: str = Field(max_length=notes.LONGEST + 100)
 
 
-@router.post("", status_code=201)
+class NoteChange(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    version: int = Field(description="the version that was seen")
+    text: str | None = Field(None, max_length=notes.LONGEST + 100)
+    removed: bool | None = Field(None, description="a removed note can be brought back for a week")
+
+
+@router.get("/patients")
+def list_patients(
+    db: Db,
+    response: Response,
+    search: Annotated[str, Query(max_length=200)] = "",
+    archived: bool = False,
+    offset: Annotated[int, Query(ge=0)] = 0,
+    limit: Annotated[int, Query(ge=1, le=MOST)] = MOST,
+) -> list[dict[str, Any]]:
+    """Patients by pseudonym, the most recently seen first; the header X-Total-Count says how many there are."""
+    response.headers["X-Total-Count"] = str(patients.count(db, search, archived))
+    found = patients.find(db, search, archived, limit, offset)
+    return [{**patient_row(p), "sessions": count, "last_session": last} for p, count, last in found]
+
+
+@router.post("/patients", status_code=201)
 def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
     return patient_row(patients.create(db, **new.model_dump()))
 
 
-@router.get("/{patient_id}")
+@router.get("/patients/{patient_id}")
 def read_patient(db: Db, patient_id: int) -> dict[str, Any]:
-    """A patient with all sessions, the newest first."""
+    """A patient with notes and all sessions, the newest first."""
     patient = patients.get(db, patient_id)
-    return {**patient_row(patient), "sessions": [session_row(s) for s in patient.sessions]}
+    visits = [
+        {**session_row(v.session), "calibration": calibration_reading(v.calibration), "warnings": v.warnings}
+        for v in timeline.visits(db, patient_id)
+    ]
+    return {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None], "sessions": visits}
 
 
-@router.patch("/{patient_id}")
+@router.patch("/patients/{patient_id}")
 def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, Any]:
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
+
+
+@router.post("/patients/{patient_id}/notes", status_code=201)
+def write_note(db: Db, patient_id: int, new: NewNote) -> dict[str, Any]:
+    return note_row(notes.write(db, patients.get(db, patient_id), new.text))
+
+
+@router.get("/notes/{note_id}")
+def read_note(db: Db, note_id: int) -> dict[str, Any]:
+    return note_row(notes.get(db, note_id))
+
+
+@router.patch("/notes/{note_id}")
+def change_note(db: Db, note_id: int, change: NoteChange) -> dict[str, Any]:
+    """Correct a note, remove it or bring it back."""
+    return note_row(notes.change(db, note_id, **change.model_dump(exclude_unset=True)))
 
 
 def patient_row(p: Patient) -> dict[str, Any]:
@@ -67,8 +111,11 @@ def patient_row(p: Patient) -> dict[str, Any]:
         "dominant_hand": p.dominant_hand,
         "affected_hand": p.affected_hand,
         "hand_measures": p.hand_measures,
-        "notes": p.notes,
         "archived": p.archived,
         "created": p.created,
         "version": p.version,
     }
+
+
+def note_row(n: Note) -> dict[str, Any]:
+    return {"id": n.id, "text": n.text, "written": n.written, "removed": n.removed, "version": n.version}

@@ -26,7 +26,7 @@ def readings(
     return {
         "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, changes),
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols),
-        "calibration": _calibration(content.get("calibration")),
+        "calibration": calibration_reading(content.get("calibration")),
         "changes": _changes(changes, protocols) if changes else None,
     }
 
@@ -102,7 +102,7 @@ def _figure(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": row["name"], "value": read.value if np.isfinite(read.value) else None, "unit": read.unit}
 
 
-def _calibration(told: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def calibration_reading(told: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """Of each quality the sensor with the largest value, in deg and deg/s."""
     if not told or not told["quality"]:
         return None

@@ -100,6 +100,17 @@ async def upload_recording(
     return {"session": session.id, "result": result.id}
 
 
+@router.get("/sessions/unfinished")
+def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
+    """Sessions that run or that nobody finished, the oldest first."""
+    found = []
+    for session in records.abandoned(db):
+        station = parts.stations.of_session(session.id)
+        patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
+        found.append({**session_row(session), "patient": patient, "station": station.name if station else None})
+    return found
+
+
 @router.get("/sessions/{session_id}")
 def read_session(db: Db, parts: PartsDep, session_id: int) -> dict[str, Any]:
     """A session with its recordings and results."""

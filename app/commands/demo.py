@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
                 dominant_hand="right",
                 affected_hand="left",
                 year_of_birth=1960,
-                notes="A simulated person with a virtual glove on either hand.",
+                note="A simulated person with a virtual glove on either hand.",
             )
     gloves = arguments.data / "gloves"
     gloves.mkdir(exist_ok=True)

@@ -2,7 +2,9 @@
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as newPatient from "../patient/new_patient.js";
-import { counted, day, t } from "../words/words.js";
+import { counted, day, t, whole } from "../words/words.js";
+
+const PAGE = 50;
 
 export function mount(root, api, { go, title }) {
   title(t("patients.title"));
@@ -13,12 +15,13 @@ export function mount(root, api, { go, title }) {
     type: "search",
     "aria-label": t("patients.search"),
     placeholder: t("patients.search"),
-    oninput: paced(200, draw),
+    oninput: paced(200, fromTheTop),
   });
-  const archived = h("input", { type: "checkbox", onchange: draw });
+  const archived = h("input", { type: "checkbox", onchange: fromTheTop });
   const opener = h("button", { class: "primary large", onclick: open, "aria-expanded": "false" }, t("patients.new"));
   let leaveForm = null;
   let asked = 0;
+  let offset = 0;
 
   function open() {
     if (leaveForm) return close();
@@ -35,14 +38,27 @@ export function mount(root, api, { go, title }) {
     opener.focus();
   }
 
+  function fromTheTop() {
+    offset = 0;
+    return draw();
+  }
+
+  async function turn(to) {
+    offset = to;
+    await draw();
+    list.scrollIntoView({ block: "nearest" });
+    list.querySelector("a")?.focus();
+  }
+
   async function draw() {
     const mine = (asked += 1);
     const words = search.value.trim();
     try {
-      const found = await api.get(`/api/patients?search=${encodeURIComponent(words)}&archived=${archived.checked}`);
+      const query = new URLSearchParams({ search: words, archived: archived.checked, offset, limit: PAGE });
+      const found = await api.some(`/api/patients?${query}`);
       if (mine !== asked) return;
       box.clear();
-      list.replaceChildren(found.length ? table(found) : nobody(words, archived.checked));
+      list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
     } catch (error) {
       if (mine === asked) box.show(error);
     }
@@ -78,6 +94,20 @@ function table(patients) {
     ),
   );
   return h("table", { class: "rows" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+}
+
+/** Where we are in a long list, and how to go on; nothing where all of it is shown. */
+function pages({ rows, total }, offset, turn) {
+  if (total <= PAGE) return h("span", {});
+  const step = (word, to) => h("button", { onclick: () => turn(to), disabled: to < 0 || to >= total }, t(word));
+  const where = t("patients.found", { from: whole(offset + 1), to: whole(offset + rows.length), total: whole(total) });
+  return h(
+    "nav",
+    { class: "pages", "aria-label": t("patients.pages") },
+    step("patients.newer", offset - PAGE),
+    h("span", { role: "status" }, where),
+    step("patients.older", offset + PAGE),
+  );
 }
 
 function nobody(words, archived) {

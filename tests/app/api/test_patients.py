@@ -13,19 +13,47 @@ def test_a_patient_is_made_found_and_changed(client: TestClient) -> None:
     assert patient["pseudonym"] == "Ada 17"
     assert [p["id"] for p in client.get("/api/patients", params={"search": "ada 1"}).json()] == [patient["id"]]
     assert client.get("/api/patients", params={"search": "bob"}).json() == []
-    change = {"version": patient["version"], "hand_measures": {"left": {"hand_length": 0.181}}, "notes": "tired"}
+    change = {"version": patient["version"], "hand_measures": {"left": {"hand_length": 0.181}}, "affected_hand": None}
     changed = client.patch(f"/api/patients/{patient['id']}", json=change).json()
-    assert (changed["notes"], changed["hand_measures"]["left"]["hand_length"]) == ("tired", 0.181)
+    assert (changed["affected_hand"], changed["hand_measures"]["left"]["hand_length"]) == (None, 0.181)
     assert changed["version"] == patient["version"] + 1
 
 
 def test_two_editors_at_once_are_told(client: TestClient, patient: int) -> None:
     version = client.get(f"/api/patients/{patient}").json()["version"]
-    assert client.patch(f"/api/patients/{patient}", json={"version": version, "notes": "mine"}).status_code == 200
-    late = client.patch(f"/api/patients/{patient}", json={"version": version, "notes": "theirs"})
-    assert late.status_code == 422
+    assert client.patch(f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1961}).status_code == 200
+    late = client.patch(f"/api/patients/{patient}", json={"version": version, "year_of_birth": 1962})
+    assert late.status_code == 409
     assert "changed in another window" in late.json()["error"]
-    assert client.get(f"/api/patients/{patient}").json()["notes"] == "mine"
+    assert client.get(f"/api/patients/{patient}").json()["year_of_birth"] == 1961
+
+
+def test_a_list_comes_in_pages_that_together_hold_every_patient_once(client: TestClient) -> None:
+    made = {client.post("/api/patients", json={"pseudonym": f"page {k}"}).json()["id"] for k in range(7)}
+    pages = [client.get("/api/patients", params={"search": "page", "offset": k, "limit": 3}) for k in (0, 3, 6)]
+    assert [p.headers["X-Total-Count"] for p in pages] == ["7"] * 3
+    found = [row["id"] for p in pages for row in p.json()]
+    assert len(found) == 7
+    assert set(found) == made
+    assert client.get("/api/patients", params={"limit": 100_000}).status_code == 422
+
+
+def test_a_note_is_written_corrected_removed_and_brought_back(client: TestClient, patient: int) -> None:
+    def texts() -> list[str]:
+        return [n["text"] for n in client.get(f"/api/patients/{patient}").json()["notes"]]
+
+    first = client.post(f"/api/patients/{patient}/notes", json={"text": " prefers mornings "}).json()
+    client.post(f"/api/patients/{patient}/notes", json={"text": "splint since May"})
+    assert texts() == ["splint since May", "prefers mornings"]
+    address = f"/api/notes/{first['id']}"
+    removed = client.patch(address, json={"version": first["version"], "removed": True}).json()
+    assert texts() == ["splint since May"]
+    back = client.patch(address, json={"version": removed["version"], "removed": False}).json()
+    assert (texts()[1], back["written"]) == ("prefers mornings", first["written"])
+    late = client.patch(address, json={"version": first["version"], "text": "prefers evenings"})
+    assert (late.status_code, texts()[1]) == (409, "prefers mornings")
+    empty = client.patch(address, json={"version": back["version"], "text": "  "})
+    assert (empty.status_code, texts()[1]) == (422, "prefers mornings")
 
 
 @pytest.mark.parametrize(
