@@ -26,6 +26,7 @@ class Metric:
 BENCHES = {
     "batch": "b, m1 and m2 over recordings of 16 sensors at 100 Hz: times real time, memory",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
+    "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "start": "start of the server to its first page",
 }

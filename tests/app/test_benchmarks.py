@@ -1,0 +1,40 @@
+"""The benchmarks' own arithmetic: what fills the database, and that every page's requests are answered."""
+
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select
+from starlette.testclient import TestClient
+
+from app.api.access import new_token
+from app.benchmarks import BENCHES, bench, pages
+from app.server import create_app
+from app.settings import Settings
+from sessions.store import open_store
+from sessions.tables import Patient, PatientSession, RecordingFile, Result
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_every_benchmark_can_be_loaded(name: str) -> None:
+    assert callable(bench(name))
+
+
+def test_the_pages_are_measured_on_as_many_rows_as_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pages, "PATIENTS", 60)
+    monkeypatch.setattr(pages, "SESSIONS", 300)
+    monkeypatch.setattr(pages, "MINUTE", ("initial_pose", "tapping"))
+    store = open_store(tmp_path)
+    pages.fill(store)
+    with store.database() as db:
+        counts = [db.scalar(select(func.count(table.id))) for table in (Patient, PatientSession, RecordingFile, Result)]
+        assert counts == [60, 300, 300, 300]
+        busiest = db.scalar(select(func.count(PatientSession.id)).where(PatientSession.patient_id == 1))
+        assert busiest == pages.MANY
+    with TestClient(create_app(Settings(data=tmp_path)), base_url="http://127.0.0.1:8420") as client:
+        client.post("/api/login", json={"token": new_token(tmp_path)})
+        for paths in pages.pages().values():
+            for path in paths:
+                assert client.get(path).status_code == 200, path
+        visits = client.get("/api/patients/1").json()["sessions"]
+        assert len(visits) == pages.MANY
+        assert {v["calibration"]["source"] for v in visits} == {"initial pose"}
