@@ -11,6 +11,7 @@ import * as ranges from "../session/ranges.js";
 import * as recordings from "../session/recordings.js";
 import * as results from "../session/results.js";
 import * as tapping from "../session/tapping.js";
+import * as trials from "../session/trials.js";
 import { clock, day, t, time } from "../words/words.js";
 
 export function mount(root, api, { id, go, title }) {
@@ -41,11 +42,11 @@ export function mount(root, api, { id, go, title }) {
   };
 }
 
-/** The result that the address names, else the newest. */
+/** The result that the address names, else the newest by the corrections that count. */
 function pick(session) {
   const all = session.recordings.flatMap((recording) => recording.results);
   const named = Number(new URLSearchParams(location.search).get("result"));
-  return all.find((result) => result.id === named) ?? all[0] ?? null;
+  return all.find((result) => result.id === named) ?? all.find((result) => result.current) ?? all[0] ?? null;
 }
 
 function draw(root, api, about) {
@@ -57,9 +58,10 @@ function draw(root, api, about) {
     [changes, place("stack")],
     [tapping, place("stack")],
   ];
+  const tasks = done ? [[trials, place()]] : [];
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
-  const main = [...(done ? numbers : [[progress, place()]]), ...(closed ? kept : [])];
+  const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const aside = [done && quality, notes].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];

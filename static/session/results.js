@@ -1,7 +1,7 @@
 /** Which of several results is shown: the same recording by other methods or options. */
 import { h } from "../dom.js";
 import { field, select } from "../forms.js";
-import { dayAndTime, t } from "../words/words.js";
+import { counted, dayAndTime, t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
   const all = session.recordings.flatMap((recording) => recording.results);
@@ -11,6 +11,11 @@ export function mount(root, api, { session, result, go }) {
     root.append(h("div", { class: "card" }, field(t("results.choose"), choice, t("results.hint"))));
     root.classList.add("spaced");
   }
+  if (result && !all.find((r) => r.id === result.id)?.current) {
+    const now = all.find((r) => r.current);
+    const link = now && h("a", { href: `/sessions/${session.id}?result=${now.id}` }, t("results.superseded.now"));
+    root.append(h("p", { class: "warning spaced" }, t("results.superseded"), " ", link));
+  }
   return () => {};
 }
 
@@ -18,8 +23,10 @@ export function resultWords(r) {
   const changed = Object.entries(r.parameters).map(([name, value]) => `${name} = ${value}`);
   return t("results.row", {
     method: r.method,
-    options: changed.join(", ") || t("results.defaults"),
+    options: [changed.join(", ") || t("results.defaults"), r.corrections && counted("corrections", r.corrections)]
+      .filter(Boolean)
+      .join(", "),
     moment: dayAndTime(r.created),
-    state: t(`result.state.${r.state}`),
+    state: t(r.current ? `result.state.${r.state}` : "results.before"),
   });
 }

@@ -1,36 +1,17 @@
 /** Curves of the whole recording with a cursor in step with the 3-D hand; a press on them jumps there. */
 import { h } from "../dom.js";
-import { errorBox, select } from "../forms.js";
+import { errorBox } from "../forms.js";
+import { LINES, SETS, chooseSet, curvesAddress } from "../plots/curve_sets.js";
 import { legend } from "../plots/legend.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
-import { clock, t } from "../words/words.js";
-
-const FINGERS = ["index", "middle", "ring", "little"];
-const SETS = {
-  aperture: ["aperture"],
-  thumb: ["thumb_cmc_flexion", "thumb_mcp_flexion", "thumb_ip_flexion"],
-  ...Object.fromEntries(FINGERS.map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}_flexion`)])),
-  spread: FINGERS.map((finger) => `${finger}_mcp_deviation`),
-  thumb_base: ["thumb_cmc_flexion", "thumb_cmc_deviation", "thumb_cmc_pronation"],
-  wrist: ["wrist_flexion", "wrist_deviation"],
-};
-const LINES = [
-  { colour: "--curve-1" },
-  { colour: "--curve-2", dash: [8, 4] },
-  { colour: "--curve-3", dash: [2, 3] },
-  { colour: "--curve-4", dash: [12, 3, 2, 3] },
-];
+import { clock } from "../words/words.js";
 
 export function mount(root, api, { station, result }) {
   const { start } = station.latest.replay;
   const box = errorBox();
   const tapped = result.readings.tapping.length > 0;
-  const choice = select(
-    Object.keys(SETS).map((name) => [name, t(`set.${name}`)]),
-    tapped ? "aperture" : "index",
-    { "aria-label": t("curves.choose"), onchange: draw },
-  );
+  const choice = chooseSet(tapped, draw);
   const place = h("div", {});
   const names = h("div", {});
   const cursor = h("div", { class: "cursor" });
@@ -43,7 +24,7 @@ export function mount(root, api, { station, result }) {
     const mine = (asked += 1);
     const shown = SETS[choice.value];
     try {
-      const told = await api.get(`/api/results/${result.id}/curves?${shown.map((what) => `what=${what}`).join("&")}`);
+      const told = await api.get(curvesAddress(result.id, shown));
       if (mine !== asked) return;
       box.clear();
       plot?.destroy();

@@ -1,0 +1,113 @@
+/** Every trial that was done: what counts in the figures, what does not and why, and how to change that. */
+import { h } from "../dom.js";
+import { errorBox, once } from "../forms.js";
+import { clock, dayAndTime, t } from "../words/words.js";
+import * as correcting from "./correcting.js";
+
+export function mount(root, api, { session, result, go }) {
+  const box = errorBox();
+  const list = h("ol", { class: "trials" });
+  let open = () => {};
+  let gone = false;
+  root.append(h("h2", {}, t("trials.title")), h("p", { class: "soft" }, t("trials.lead")), list, box.element);
+  api.titles().then(
+    (titles) => gone || draw(titles),
+    () => gone || draw(new Map()),
+  );
+
+  function draw(titles) {
+    const file = session.recordings.find((recording) => recording.id === result.recording);
+    const rows = trialsOf(file, titles).map((trial) => row(file, trial));
+    list.replaceChildren(...(rows.length ? rows : [h("li", { class: "soft" }, t("chapters.none"))]));
+  }
+
+  function row(file, trial) {
+    const standing = trial.corrections.filter((correction) => !correction.undone);
+    const undone = trial.corrections.filter((correction) => correction.undone);
+    const place = h("div", {});
+    const change = h("button", { "aria-expanded": "false", onclick: () => toggle(change, place, file, trial) }, t("trials.change"));
+    return h(
+      "li",
+      { class: standing.some((correction) => correction.kind === "exclude") && "out" },
+      h(
+        "div",
+        { class: "trial" },
+        h("span", { class: "name" }, trial.name),
+        h("span", { class: "soft" }, t("trials.when", { clock: clock(trial.onset), seconds: trial.duration.toFixed(0) })),
+        badge(standing),
+        change,
+      ),
+      standing.map((correction) => told(correction, trial)),
+      undone.length > 0 && h("details", { class: "small" }, h("summary", {}, t("trials.undone")), undone.map((one) => past(one, trial))),
+      place,
+    );
+  }
+
+  function told(correction, trial) {
+    const undo = h("button", { class: "plain", onclick: () => once(undo, box, () => takeBack(correction)) }, t("trials.undo"));
+    return h("p", { class: "correction" }, h("span", {}, correctionWords(correction, trial)), undo);
+  }
+
+  async function takeBack(correction) {
+    follow(await api.remove(`/api/corrections/${correction.id}`));
+  }
+
+  /** Look at what stands now in place of the result shown. */
+  function follow(answer) {
+    const now = answer.results.find((pair) => pair.before === result.id)?.now ?? answer.results[0]?.now;
+    go(`/sessions/${session.id}${now ? `?result=${now}` : ""}`, true);
+  }
+
+  function toggle(button, place, file, trial) {
+    const opened = button.getAttribute("aria-expanded") === "true";
+    open();
+    if (opened) return;
+    const send = async (wanted) => follow(await api.post(`/api/recordings/${file.id}/corrections`, wanted));
+    const leave = correcting.mount(place, api, { result, trial, send });
+    button.setAttribute("aria-expanded", "true");
+    open = () => {
+      leave();
+      place.replaceChildren();
+      button.setAttribute("aria-expanded", "false");
+      open = () => {};
+    };
+  }
+
+  return () => {
+    gone = true;
+    open();
+  };
+}
+
+/** The tasks of a recording in order: { event, name, onset, duration, tapping, corrections }. */
+export function trialsOf(file, titles) {
+  const tasks = (file?.summary.events ?? [])
+    .map((event, k) => ({ ...event, event: k }))
+    .filter((event) => event.trial_type === "task");
+  const counts = new Map();
+  return tasks.map((task) => {
+    const trial = (counts.get(task.task) ?? 0) + 1;
+    counts.set(task.task, trial);
+    const title = titles.get(task.task) ?? (task.task ?? "").replaceAll("_", " ");
+    const several = tasks.filter((other) => other.task === task.task).length > 1;
+    const corrections = file.corrections.filter((correction) => correction.event === task.event);
+    const tapping = /tap/i.test(task.task ?? "");
+    return { ...task, name: several ? t("tapping.trial", { title, number: trial }) : title, tapping, corrections };
+  });
+}
+
+function badge(standing) {
+  const kinds = standing.map((correction) => correction.kind);
+  const kind = kinds.includes("exclude") ? "exclude" : (kinds[0] ?? "none");
+  return h("span", { class: `badge ${kind === "none" ? "good" : "warn"}` }, t(`trials.state.${kind}`));
+}
+
+function correctionWords(correction, trial) {
+  const seconds = (moment) => Math.max(0, moment - trial.onset).toFixed(1);
+  const range = { from: seconds(correction.onset), to: seconds(correction.end), reason: correction.reason };
+  return t(`trials.told.${correction.kind}`, range);
+}
+
+function past(correction, trial) {
+  return h("p", { class: "soft" }, t("trials.past", { what: correctionWords(correction, trial), moment: dayAndTime(correction.undone) }));
+}
