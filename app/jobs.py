@@ -12,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.report import Paper
 from app.working_process import DiedError, WorkingProcess
 from estimators.errors import InputError
 from sessions import results
@@ -106,14 +107,15 @@ def _make(result_id: int) -> None:
     make(_store, result_id)
 
 
-def make_report(result_id: int, form: str) -> bytes:
+def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4") -> bytes:
     """In the working process: the report of a result as pdf, csv or json."""
-    from app.report import FORMS
+    from app.language import languages
+    from app.report import FORMS, Style
     from app.reporting import report
 
     assert _store is not None
     with _store.database() as db:
-        return FORMS[form](report(_store, results.get(db, result_id)))
+        return FORMS[form](report(_store, results.get(db, result_id)), Style(languages()[language], paper))
 
 
 def make_derivative(result_id: int) -> bytes:

@@ -7,6 +7,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
+from app.api.state import preferred
 from estimators.errors import InputError
 from sessions.conflicts import ConflictError
 
@@ -22,7 +23,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:
-        return JSONResponse({"error": str(error)}, 404 if str(error).startswith("there is no ") else 422)
+        return JSONResponse({"error": preferred(request).heard(str(error))}, 404 if str(error).startswith("there is no ") else 422)
 
     @app.exception_handler(RequestValidationError)
     async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:

@@ -6,6 +6,7 @@ from typing import Any
 from fastapi import APIRouter
 
 from app.api.sessions import NewResult
+from app.api.state import LanguageDep
 from app.protocols import load_all
 from estimators.methods import METHODS
 from estimators.options import describe
@@ -14,14 +15,19 @@ router = APIRouter(tags=["methods"])
 
 
 @router.get("/methods")
-def list_methods() -> list[dict[str, Any]]:
+def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
     """Methods with their options: default, unit, meaning, source; one of them is what is taken unless another is asked for."""
     return [
-        {"name": name, "title": m.TITLE, "default": name == NewResult().method, "options": [asdict(d) for d in describe(m.Params)]}
+        {
+            "name": name,
+            "title": language.heard(m.TITLE),
+            "default": name == NewResult().method,
+            "options": [asdict(d) for d in describe(m.Params)],
+        }
         for name, m in METHODS.items()
     ]
 
 
 @router.get("/protocols")
-def list_protocols() -> list[dict[str, Any]]:
-    return [asdict(p) for p in load_all().values()]
+def list_protocols(language: LanguageDep) -> list[dict[str, Any]]:
+    return [asdict(p) | {"title": language.heard(p.title), "instruction": language.heard(p.instruction)} for p in load_all().values()]

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.api.readings import calibration_reading
 from app.api.sessions import session_row
-from app.api.state import Db
+from app.api.state import Db, LanguageDep
 from sessions import notes, patients, timeline
 from sessions.tables import Note, Patient
 
@@ -72,11 +72,11 @@ def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
 
 
 @router.get("/patients/{patient_id}")
-def read_patient(db: Db, patient_id: int) -> dict[str, Any]:
+def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, Any]:
     """A patient with notes and all sessions, the newest first."""
     patient = patients.get(db, patient_id)
     visits = [
-        {**session_row(v.session), "calibration": calibration_reading(v.calibration), "warnings": v.warnings}
+        {**session_row(v.session), "calibration": calibration_reading(v.calibration, language), "warnings": [language.heard(w) for w in v.warnings]}
         for v in timeline.visits(db, patient_id)
     ]
     return {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None], "sessions": visits}

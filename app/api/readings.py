@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from app.language import Language
 from app.protocols import Protocol
 from app.report.change_words import row_words, tapping_words
 from app.report.changes import Changes
@@ -19,47 +20,63 @@ CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "m
 
 
 def readings(
-    content: Mapping[str, Any], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], changes: Changes | None = None
+    content: Mapping[str, Any],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    changes: Changes | None = None,
 ) -> dict[str, Any]:
     """Tables for pages from a kept result's content and figures; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
-        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, changes),
-        "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols),
-        "calibration": calibration_reading(content.get("calibration")),
-        "changes": _changes(changes, protocols) if changes else None,
+        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, language, changes),
+        "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
+        "calibration": calibration_reading(content.get("calibration"), language),
+        "changes": _changes(changes, protocols, language) if changes else None,
     }
 
 
-def _changes(changes: Changes, protocols: Mapping[str, Protocol]) -> dict[str, Any]:
+def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Language) -> dict[str, Any]:
     """Since when, judged by what, and the words for the means of the tapping tasks' trials; those for ranges stand in their rows."""
     tapping = [
-        {"title": _title({"task": task}, protocols.get(task)), "figures": [{"name": name, "words": words} for name, words in said.items()]}
-        for task, said in tapping_words(changes).items()
+        {
+            "title": _title({"task": task}, protocols.get(task), language),
+            "figures": [{"name": name, "words": words} for name, words in said.items()],
+        }
+        for task, said in tapping_words(changes, language).items()
     ]
-    sources = {measure: changes.sources(measure) for measure in ("range_of_motion", "tapping")}
+    sources = {measure: [language.heard(s) for s in changes.sources(measure)] for measure in ("range_of_motion", "tapping")}
     return {"since": changes.since, "sources": sources, "tapping": tapping}
 
 
-def _ranges(told: list[dict[str, Any]], protocols: Mapping[str, Protocol], changes: Changes | None) -> list[dict[str, Any]]:
+def _ranges(
+    told: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language, changes: Changes | None
+) -> list[dict[str, Any]]:
     """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
-    tasks = [_task(t, protocols.get(t["task"])) for t in told]
+    tasks = [_task(t, protocols.get(t["task"]), language) for t in told]
     full = [t for t in tasks if asks_full_range(t.result.task)]
     groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
     return [
-        {"full": group[0] in full, "tasks": list(dict.fromkeys(t.title for t in group)), "rows": _rows(group, group[0] in full, changes)}
+        {
+            "full": group[0] in full,
+            "tasks": list(dict.fromkeys(t.title for t in group)),
+            "rows": _rows(group, group[0] in full, language, changes),
+        }
         for group in groups
     ]
 
 
-def _task(told: Mapping[str, Any], protocol: Protocol | None) -> Task:
+def _task(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> Task:
     ranges = [Range(**r) for r in told["ranges"]]
     return Task(
-        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, ()), _title(told, protocol), "", asked(protocol)
+        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, ()),
+        _title(told, protocol, language),
+        "",
+        asked(protocol),
     )
 
 
-def _rows(tasks: list[Task], full: bool, changes: Changes | None) -> list[dict[str, Any]]:
+def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | None) -> list[dict[str, Any]]:
     return [
         {
             "group": r.group,
@@ -68,14 +85,16 @@ def _rows(tasks: list[Task], full: bool, changes: Changes | None) -> list[dict[s
             "extension": r.extension,
             "sideways": r.sideways,
             "grade": r.grade,
-            "reasons": list(r.reasons),
-            "changes": row_words(changes, tasks, r) if changes else {},
+            "reasons": [language.heard(reason) for reason in r.reasons],
+            "changes": row_words(changes, tasks, r, language) if changes else {},
         }
-        for r in range_rows(over_tasks(tasks), full)
+        for r in range_rows(over_tasks(tasks), full, language)
     ]
 
 
-def _tapping(told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol]) -> list[dict[str, Any]]:
+def _tapping(
+    told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
+) -> list[dict[str, Any]]:
     """Trials in order of time; the kept figures are in the same order, as many a trial."""
     rows = [f for f in figures if f["measure"] == "tapping"]
     each = len(rows) // len(told) if told else 0
@@ -83,13 +102,13 @@ def _tapping(told: list[dict[str, Any]], figures: list[dict[str, Any]], protocol
     for k, t in enumerate(told):
         trials.append(
             {
-                "title": _title(t, protocols.get(t["task"])),
+                "title": _title(t, protocols.get(t["task"]), language),
                 "onset": t["onset"],
                 "end": t["end"],
                 "closings": t["closings"],
                 "amplitudes_mm": [round(1e3 * a, 2) for a in t["amplitudes"]],
                 "grade": t["grade"],
-                "reason": t["reason"],
+                "reason": language.heard(t["reason"]),
                 "figures": [_figure(f) for f in rows[k * each : (k + 1) * each]],
             }
         )
@@ -102,15 +121,15 @@ def _figure(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": row["name"], "value": read.value if np.isfinite(read.value) else None, "unit": read.unit}
 
 
-def calibration_reading(told: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def calibration_reading(told: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
     """Of each quality the sensor with the largest value, in deg and deg/s."""
     if not told or not told["quality"]:
         return None
     quality = told["quality"]
     worst = {name: max(quality, key=lambda s: quality[s][name]) for name in CALIBRATION}
     rows = [{"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]} for n, s in worst.items()]
-    return {"source": told["source"], "onset": told["onset"], "end": told["end"], "sensors": len(quality), "largest": rows}
+    return {"source": language.heard(told["source"]), "onset": told["onset"], "end": told["end"], "sensors": len(quality), "largest": rows}
 
 
-def _title(told: Mapping[str, Any], protocol: Protocol | None) -> str:
-    return protocol.title if protocol else str(told["task"]).replace("_", " ").capitalize()
+def _title(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
+    return language.heard(protocol.title) if protocol else str(told["task"]).replace("_", " ").capitalize()

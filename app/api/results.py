@@ -8,10 +8,11 @@ from fastapi import APIRouter, Query
 from starlette.responses import Response
 
 from app.api.readings import readings
-from app.api.state import Db, PartsDep
+from app.api.state import Db, LanguageDep, PartsDep
 from app.jobs import make_derivative, make_report
 from app.live.curve import value_of
 from app.protocols import load_all
+from app.report import Paper
 from app.reporting import changes_of
 from app.results import load_replay
 from estimators.errors import InputError
@@ -25,7 +26,7 @@ FORMS = {"pdf": "application/pdf", "csv": "text/csv; charset=utf-8", "json": "ap
 
 
 @router.get("/{result_id}")
-def read_result(db: Db, result_id: int) -> dict[str, Any]:
+def read_result(db: Db, language: LanguageDep, result_id: int) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
     return {
@@ -37,12 +38,12 @@ def read_result(db: Db, result_id: int) -> dict[str, Any]:
         "version": r.version,
         "state": r.state,
         "progress": r.progress,
-        "error": r.error,
+        "error": language.heard(r.error),
         "created": r.created,
         "figures": r.figures,
         "content": r.content,
-        "warnings": r.warnings,
-        "readings": readings(r.content, r.figures, load_all(), changes_of(r) if r.state == "done" else None),
+        "warnings": [language.heard(w) for w in r.warnings],
+        "readings": readings(r.content, r.figures, load_all(), language, changes_of(r) if r.state == "done" else None),
         "checksum": r.recording.sha256,
     }
 
@@ -71,12 +72,12 @@ def read_curves(
 
 
 @router.get("/{result_id}/report.{form}")
-async def read_report(db: Db, parts: PartsDep, result_id: int, form: str) -> Response:
-    """The report as pdf, csv or json."""
+async def read_report(db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4") -> Response:
+    """The report as pdf, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
         raise InputError(f"there is no report as {form!r}; forms are {', '.join(FORMS)}")
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_report, result_id, form)
+    data = await parts.jobs.run(make_report, result_id, form, language.code, paper)
     return _download(data, FORMS[form], f"handscope-session-{result.recording.session_id}-{result.method}.{form}", inline=form == "pdf")
 
 

@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import Depends
+from fastapi import Depends, Query
 from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
+from app import language as languages
 from app.jobs import Jobs
+from app.language import Language
 from app.live.stations import Stations
 from app.settings import Settings
 from sessions.store import Store
@@ -34,5 +36,19 @@ def database(connection: HTTPConnection) -> Iterator[Session]:
         yield db
 
 
+def language(
+    connection: HTTPConnection,
+    language: Annotated[str, Query(description="en, de, ...; without it the Accept-Language header decides")] = "",
+) -> Language:
+    """The language that sentences for people are answered in."""
+    return languages.language(language) if language else preferred(connection)
+
+
+def preferred(connection: HTTPConnection) -> Language:
+    """The language that the browser asks for."""
+    return languages.preferred(connection.headers.get("accept-language", ""))
+
+
 PartsDep = Annotated[Parts, Depends(parts)]
 Db = Annotated[Session, Depends(database)]
+LanguageDep = Annotated[Language, Depends(language)]

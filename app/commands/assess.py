@@ -15,7 +15,9 @@ from app.commands.words import (
     require_folder,
     say,
 )
+from app.language import DEFAULT, language, languages
 from app.protocols import load_all
+from app.report import FORMS, PAPERS, Style
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.measures.assessment import assess
@@ -27,11 +29,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_method(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for figures.json and figures.csv")
     parser.add_argument("--report", type=Path, metavar="FILE.pdf", help="write the report there")
+    parser.add_argument("--language", choices=[*languages()], default=DEFAULT, help=f"of the report ({DEFAULT})")
+    parser.add_argument("--paper", choices=PAPERS, default="a4", help="of the report (a4)")
     parser.add_argument("--patient", default="", metavar="PSEUDONYM", help="printed on the report; never a name")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from app.report import FORMS
     from app.report.content import Visit, content
 
     if arguments.report and arguments.report.suffix != ".pdf":
@@ -43,9 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     recording, processed = processed_by(method, params, arguments)
     tasks = assess(processed.trajectory, recording.events)
     visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
+    style = Style(language(arguments.language), arguments.paper)
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
-    figures = {"figures.json": FORMS["json"](made), "figures.csv": FORMS["csv"](made)}
-    report = FORMS["pdf"](made) if arguments.report else b""
+    figures = {"figures.json": FORMS["json"](made, style), "figures.csv": FORMS["csv"](made, style)}
+    report = FORMS["pdf"](made, style) if arguments.report else b""
     save_folder(figures, output_folder(arguments.out))
     if arguments.report:
         save_file(report, arguments.report)

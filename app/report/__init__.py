@@ -1,28 +1,42 @@
 """The report of a session: `content.content` gathers it, FORMS hand it out. What draws and sets is imported when a report is made."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+from app.language import ENGLISH, Language
 
 if TYPE_CHECKING:
     from app.report.content import Content
 
+Paper = Literal["a4", "us-letter"]
+PAPERS: tuple[Paper, ...] = get_args(Paper)
 
-def _pdf(content: "Content") -> bytes:
+
+@dataclass(frozen=True)
+class Style:
+    """How a report is to be written; tables for programs (CSV, JSON) are always in English."""
+
+    language: Language = ENGLISH
+    paper: Paper = "a4"
+
+
+def _pdf(content: "Content", style: Style) -> bytes:
     from app.report.pdf import pdf
 
-    return pdf(content)
+    return pdf(content, style.language, style.paper)
 
 
-def _csv(content: "Content") -> bytes:
+def _csv(content: "Content", style: Style) -> bytes:
     from app.report.tables import csv
 
     return csv(content)
 
 
-def _json(content: "Content") -> bytes:
+def _json(content: "Content", style: Style) -> bytes:
     from app.report.tables import json
 
     return json(content)
 
 
-FORMS: Mapping[str, Callable[["Content"], bytes]] = {"pdf": _pdf, "csv": _csv, "json": _json}
+FORMS: Mapping[str, Callable[["Content", Style], bytes]] = {"pdf": _pdf, "csv": _csv, "json": _json}

@@ -1,84 +1,108 @@
 """Changes in words: "more" and "less" of an angle in its own direction, never a bare plus or minus, which therapists read either way (words.py)."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
+from app.language import Language
 from app.report.changes import Change, Changes
 from app.report.content import Task
 from app.report.range_rows import RangeRow
-from app.report.words import ROTATION, SIDES
+from app.report.words import ROTATION, SIDES, side_words
 from estimators.measures.range_of_motion import Range
 
 End = Literal["smallest", "largest"]
 ENDS: tuple[tuple[End, int], ...] = (("smallest", -1), ("largest", 1))  # and the direction in which it is more
-UNCHANGED, MORE, LEVEL = "unchanged", ("more", "less"), ("higher", "lower")
+MORE, LEVEL = ("more", "less"), ("higher", "lower")
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
-BASIS = {"own": "the patient's own MDC", "glove": "this glove's MDC", "published": "MDC"}
 DECIMALS = {"deg": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 
 
-def row_words(found: Changes, tasks: Sequence[Task], row: RangeRow) -> dict[str, str]:
+@dataclass(frozen=True)
+class _Said:
+    """A change with what of whom it is: "Index MCP", "flexion"."""
+
+    joint: str
+    what: str
+    change: Change
+    words: str  # "8° more"
+    unchanged: bool
+
+
+def row_words(found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language) -> dict[str, str]:
     """For the cells flexion, extension and sideways of a row: "8° more, beyond MDC 12°"; "" where there is nothing to compare with."""
     cells: dict[str, list[str]] = {"flexion": [], "extension": [], "sideways": []}
-    for cell, side, c, sign in _ends(found, tasks, row):
-        cells[cell].append(f"{side} {_words(c, sign)}".strip())
+    for cell, way, c, sign in _ends(found, tasks, row):
+        cells[cell].append(f"{side_words(way, language)} {_words(c, sign, language)}".strip())
     return {cell: "; ".join(said) for cell, said in cells.items()}
 
 
-def range_changes(found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow]) -> str:
+def range_changes(found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow], language: Language) -> str:
     """All rows in one paragraph, what is beyond the MDC first; "" where none has a change."""
     said = [
-        (f"{row.group} {row.joint}".strip(), side or cell, c, _which(c, sign))
+        _Said(
+            f"{row.group} {row.joint}".strip(),
+            side_words(way, language) or language.say(f"cell.{cell}"),
+            c,
+            *_which(c, sign, language),
+        )
         for row in rows
-        for cell, side, c, sign in _ends(found, tasks, row)
+        for cell, way, c, sign in _ends(found, tasks, row)
     ]
-    return _paragraph(found, said, found.sources("range_of_motion"))
+    return _paragraph(found, said, found.sources("range_of_motion"), language)
 
 
-def tapping_changes(found: Changes, tasks: Sequence[Task], labels: Mapping[str, tuple[str, int]]) -> str:
+def tapping_changes(found: Changes, tasks: Sequence[Task], language: Language) -> str:
     """The same of the means over the trials of tapping."""
     names = {t.result.task for t in tasks}
-    said = [("", labels[c.name][0].lower(), c, _which(c, 1, LEVEL)) for c in found.each if c.measure == "tapping" and c.task in names]
+    said = [
+        _Said("", language.known(f"figure.{c.name}", c.name.replace("_", " ")), c, *_which(c, 1, language, LEVEL))
+        for c in found.each
+        if c.measure == "tapping" and c.task in names
+    ]
     told = found.sources("range_of_motion")
-    return _paragraph(found, said, [sentence for sentence in found.sources("tapping") if sentence not in told])
+    return _paragraph(found, said, [sentence for sentence in found.sources("tapping") if sentence not in told], language)
 
 
-def tapping_words(found: Changes) -> dict[str, dict[str, str]]:
+def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str]]:
     """By task and figure, the mean of the trials then and now: "0.40 per s higher, within MDC"."""
     words: dict[str, dict[str, str]] = {}
     for c in found.each:
         if c.measure == "tapping":
-            words.setdefault(c.task, {})[c.name] = _words(c, 1, LEVEL)
+            words.setdefault(c.task, {})[c.name] = _words(c, 1, language, LEVEL)
     return words
 
 
-def since_words(found: Changes) -> str:
-    """The day of the session before: "12 May 2026"."""
-    return f"{found.since.day} {found.since:%B %Y}"
+def amount(value: float, name: str, unit: str, language: Language) -> str:
+    """A size in the unit a person reads: "8°", "0.40 per s"."""
+    number = language.number(value, 2 if name.endswith("_slope") else DECIMALS.get(unit, 2))
+    return f"{number}°" if unit == "deg" else f"{number} {language.known(f'unit.{unit}', unit)}".strip()
 
 
-def _paragraph(found: Changes, said: Sequence[tuple[str, str, Change, str]], sources: Sequence[str]) -> str:
+def _paragraph(found: Changes, said: Sequence[_Said], sources: Sequence[str], language: Language) -> str:
     """Of joints, what of them, changes and their words; an MDC that is not the published one, which the sources tell, stands with its change."""
     if not said:
         return ""
     groups: dict[str, dict[str, list[str]]] = {"beyond": {}, "within": {}, "unjudged": {}}
-    for joint, what, c, which in said:
-        mdc95 = f" ({BASIS[c.basis]} {_amount(c.mdc95, c)})" if c.basis in ("own", "glove") and c.mdc95 is not None else ""
-        if which != UNCHANGED or c.beyond:
+    for s in said:
+        c = s.change
+        own = c.basis in ("own", "glove") and c.mdc95 is not None
+        mdc95 = f" ({language.say(f'mdc.{c.basis}', size=_size(c.mdc95 or 0.0, c, language))})" if own else ""
+        if not s.unchanged or c.beyond:
             group = groups["unjudged" if c.mdc95 is None else "beyond" if c.beyond else "within"]
-            group.setdefault(joint, []).append(f"{what} {which}{mdc95}")
+            group.setdefault(s.joint, []).append(f"{s.what} {s.words}{mdc95}")
     beyond, within, unjudged = ("; ".join(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items()) for g in groups.values())
-    inside = [c for _, _, c, _ in said if c.mdc95 is not None and not c.beyond]
+    inside = [s for s in said if s.change.mdc95 is not None and not s.change.beyond]
     if len(inside) > LISTED:
-        within = f"all {len(inside)} others" if beyond else f"all {len(inside)}"
+        within = language.say("changes.all_others" if beyond else "changes.all", count=len(inside))
     told = sum(len(all_) for group in groups.values() for all_ in group.values())
     return " ".join(
         [
-            f"Since {since_words(found)}, beyond what repeated measurement gives (MDC95): {beyond or 'nothing'}.",
-            *([f"Within it: {within}."] if within else []),
-            *([f"Not judged: {unjudged}."] if unjudged else []),
-            *(["All others unchanged."] if told < len(said) and len(inside) <= LISTED else []),
-            *sources,
+            language.say("changes.beyond", day=language.day(found.since), what=beyond or language.say("changes.nothing")),
+            *([language.say("changes.within", what=within)] if within else []),
+            *([language.say("changes.unjudged", what=unjudged)] if unjudged else []),
+            *([language.say("changes.rest")] if told < len(said) and len(inside) <= LISTED else []),
+            *map(language.heard, sources),
         ]
     )
 
@@ -104,21 +128,24 @@ def _at(found: Changes, tasks: Sequence[Task], r: Range, end: End) -> Change | N
     return None
 
 
-def _words(c: Change, sign: int, more: tuple[str, str] = MORE) -> str:
+def _words(c: Change, sign: int, language: Language, more: tuple[str, str] = MORE) -> str:
     """The change in the direction `sign`, and how it compares with the MDC."""
-    which = _which(c, sign, more)
-    if c.mdc95 is None or (which == UNCHANGED and not c.beyond):
+    which, unchanged = _which(c, sign, language, more)
+    if c.mdc95 is None or (unchanged and not c.beyond):
         return which
     if c.basis == "published" and not c.beyond:
-        return f"{which}, within MDC"  # how much that is stands below the table
-    return f"{which}, {'beyond' if c.beyond else 'within'} {BASIS[c.basis]} {_amount(c.mdc95, c)}"
+        return language.say("change.within", which=which)  # how much that is stands below the table
+    mdc95 = language.say(f"mdc.{c.basis}", size=_size(c.mdc95, c, language))
+    return language.say("change.beyond" if c.beyond else "change.within_of", which=which, mdc=mdc95)
 
 
-def _which(c: Change, sign: int, more: tuple[str, str] = MORE) -> str:
-    size, nothing = (_amount(v, c) for v in (abs(c.value), 0.0))
-    return UNCHANGED if size == nothing else f"{size} {more[0] if sign * c.value > 0 else more[1]}"
+def _which(c: Change, sign: int, language: Language, more: tuple[str, str] = MORE) -> tuple[str, bool]:
+    """ "8° more", and whether there is no change to be seen."""
+    size, nothing = (_size(v, c, language) for v in (abs(c.value), 0.0))
+    if size == nothing:
+        return language.say("change.none"), True
+    return language.say(f"change.{more[0] if sign * c.value > 0 else more[1]}", size=size), False
 
 
-def _amount(value: float, c: Change) -> str:
-    number = f"{value:.{2 if c.name.endswith('_slope') else DECIMALS.get(c.unit, 2)}f}"
-    return f"{number}°" if c.unit == "deg" else f"{number} {c.unit}".strip()
+def _size(value: float, c: Change, language: Language) -> str:
+    return amount(value, c.name, c.unit, language)

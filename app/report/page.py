@@ -4,45 +4,60 @@ Everything is a string, a list or a dict of them; user's text stays as it was ty
 """
 
 from collections.abc import Sequence
-from datetime import datetime
 from typing import Any
 
 import numpy as np
 
+from app.language import Language
 from app.report.content import CalibrationFacts, Content, StreamFacts, Task
 from app.report.range_rows import asks_full_range, by_task
 from app.report.range_section import range_section
-from app.report.tapping_section import TRIALS, tapping_section
-from app.report.units import DEG, reading
-from app.report.words import NOTICE, TAG, segment_words, span_words
+from app.report.tapping_section import TRIALS, label, tapping_section
+from app.report.units import DEG, reading, unit_words
+from app.report.words import grade_words, span_words
 from estimators.calibration import SensorQuality
 
 Page = dict[str, Any]
 
 WARNINGS = 4  # of them on the page
+HEADINGS = (  # words that the layout places
+    "report.title", "ranges.title", "ranges.none", "tapping.title", "tapping.none", "further", "quality", "provenance", "warnings", "notes",
+    "examiner", "signature", "date", "finger", "joint", "flexion", "extension", "sideways", "signal", "figure", "value", "unit", "reason",
+    "quality.over_all", "quality.median", "quality.largest", "quality.worst",
+)  # fmt: skip
 
 
-def words_of(content: Content) -> Page:
+def words_of(content: Content, language: Language) -> Page:
     """The whole report."""
     main, further = _chosen(content)
     taps = [t for t in content.tasks if t.result.measure == "tapping"]
     others = [t for t in content.tasks if t.result.measure not in ("tapping", "range_of_motion")]
+    say, recording = language.say, content.recording
+    checksum = recording.checksum[:12]
     return {
-        "title": f"Hand assessment, {content.visit.patient}",
-        "facts": _facts(content),
-        "tag": TAG,
-        "notice": NOTICE,
-        "ranges": [range_section(main, content.measured, content.changes)] if main else [],
-        "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), content.changes) for k in range(0, len(taps), TRIALS)],
-        "further": [range_section(trials, content.measured, content.changes) for trials in further],
-        "others": [_other(task) for task in others],
-        "calibration": _calibration(content.calibrations),
-        "signal": _signal(content),
-        "provenance": _provenance(content),
-        "checksum": [content.recording.checksum[:32] or "not known", content.recording.checksum[32:]],
-        "warnings": _warnings(content),
+        "language": language.code,
+        "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
+        "title": say("report.of", patient=content.visit.patient),
+        "facts": _facts(content, language),
+        "tag": say("notice.short"),
+        "notice": say("notice"),
+        "ranges": [range_section(main, content.measured, language, content.changes)] if main else [],
+        "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
+        "further": [range_section(trials, content.measured, language, content.changes) for trials in further],
+        "others": [_other(task, language) for task in others],
+        "calibration": _calibration(content.calibrations, language),
+        "signal": _signal(content, language),
+        "provenance": _provenance(content, language),
+        "checksum": [recording.checksum[:32] or say("not_known"), recording.checksum[32:]],
+        "warnings": _warnings(content, language),
         "notes": content.visit.notes.splitlines(),
-        "footer": f"{content.visit.patient} · {_day(content.date)} · recording {content.recording.checksum[:12] or 'without checksum'}",
+        "footer": " · ".join(
+            [
+                content.visit.patient,
+                _day(content, language),
+                say("footer.recording", checksum=checksum) if checksum else say("footer.without"),
+            ]
+        ),
     }
 
 
@@ -56,96 +71,131 @@ def _chosen(content: Content) -> tuple[list[Task], list[list[Task]]]:
     return first, further
 
 
-def _facts(content: Content) -> list[list[str]]:
-    visit, source = content.visit, content.recording.source
-    side = {content.hand: "affected side", "both": "both sides affected", None: ""}.get(visit.affected, "unaffected side")
-    dominance = f"{visit.dominant}-handed" if visit.dominant else ""
-    firmware = f"firmware {source['firmware']}" if source.get("firmware") else ""
+def _facts(content: Content, language: Language) -> list[list[str]]:
+    visit, source, say = content.visit, content.recording.source, language.say
+    side = {content.hand: "affected", "both": "affected.both"}.get(visit.affected or "", "unaffected") if visit.affected else ""
+    dominance = say(f"dominant.{visit.dominant}") if visit.dominant else ""
     return [
-        ["Patient", visit.patient, ""],
-        ["Hand", content.hand.capitalize(), ", ".join(w for w in (side, dominance) if w)],
-        ["Session", _day(content.date), _hour(content.date)],
-        ["Examiner", visit.examiner or "not given", ""],
-        ["Glove", str(source.get("device") or "not recorded"), firmware],
+        [say("fact.patient"), visit.patient, ""],
+        [say("fact.hand"), say(f"hand.{content.hand}"), ", ".join(w for w in (say(f"side.{side}") if side else "", dominance) if w)],
+        [say("fact.session"), _day(content, language), language.hour(content.date) if content.date else ""],
+        [say("fact.examiner"), visit.examiner or say("not_given"), ""],
+        [
+            say("fact.glove"),
+            str(source.get("device") or say("not_recorded")),
+            say("firmware", version=source["firmware"]) if source.get("firmware") else "",
+        ],
     ]
 
 
-def _day(date: datetime | None) -> str:
-    return f"{date.day} {date:%B %Y}" if date else "date not recorded"
+def _day(content: Content, language: Language) -> str:
+    return language.day(content.date) if content.date else language.say("no_date")
 
 
-def _hour(date: datetime | None) -> str:
-    return f"{date:%H:%M} {date.tzname() or ''}".strip() if date else ""
-
-
-def _other(task: Task) -> Page:
+def _other(task: Task, language: Language) -> Page:
     """A measure without a page of its own: its figures by name."""
     rows = []
     for f in task.result.figures:
         r = reading(f)
-        rows.append([f.name.replace("_", " "), f"{r.value:.4g}" if np.isfinite(r.value) else "not measured", r.unit, f.grade, f.reason])
-    return {"title": task.measure_title, "task": span_words([task]), "rows": rows}
+        value = language.number(r.value, _decimals(r.value)) if np.isfinite(r.value) else language.say("not_measured")
+        grade = [f.grade, grade_words(f.grade, language)]
+        rows.append([label(f.name, language), value, unit_words(r.unit, language), grade, language.heard(f.reason)])
+    return {"title": language.heard(task.measure_title), "task": span_words([task], language), "rows": rows}
 
 
-def _warnings(content: Content) -> str:
+def _decimals(value: float) -> int:
+    """So that about three figures are seen."""
+    return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0
+
+
+def _warnings(content: Content, language: Language) -> str:
     """The first WARNINGS and how many there are beyond, in one paragraph."""
     more = len(content.warnings) - WARNINGS
-    return "; ".join([*content.warnings[:WARNINGS], *([f"{more} more in the session's JSON file"] if more > 0 else [])])
+    said = [language.heard(w) for w in content.warnings[:WARNINGS]]
+    return "; ".join([*said, *([language.say("warnings.more", count=more)] if more > 0 else [])])
 
 
-def _calibration(calibrations: Sequence[CalibrationFacts]) -> Page:
+def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -> Page:
     """What each calibration was, and the sensors' quality over all of them."""
-    said = [f"{c.source}, {c.onset:.1f} to {c.end:.1f} s, {len(c.sensors)} sensors" for c in calibrations]
-    rows = (
-        ("Turning while still", "deg/s", "rate_wander"),
-        ("Tilting while still", "deg", "tilt_change"),
-        ("Gyroscope bias removed", "deg/s", "bias"),
-        ("Mounting corrected", "deg", "misalignment"),
-    )
+    said = [
+        language.say(
+            "calibration.span",
+            source=language.heard(c.source),
+            start=language.number(c.onset, 1),
+            end=language.number(c.end, 1),
+            sensors=len(c.sensors),
+        )
+        for c in calibrations
+    ]
+    rows = (("deg/s", "rate_wander"), ("deg", "tilt_change"), ("deg/s", "bias"), ("deg", "misalignment"))
     sensors = [(segment, q) for c in calibrations for segment, q in c.sensors.items()]
     return {
-        "summaries": said or ["None: the angles carry the mounting's error and have no common zero."],
-        "rows": [[label, *_spread(sensors, name), unit] for label, unit, name in rows] if sensors else [],
+        "summaries": said or [language.say("calibration.none")],
+        "rows": [
+            [language.say(f"calibration.{name}"), *_spread(sensors, name, language), unit_words(unit, language)] for unit, name in rows
+        ]
+        if sensors
+        else [],
     }
 
 
-def _spread(sensors: Sequence[tuple[str, SensorQuality]], name: str) -> list[str]:
+def _spread(sensors: Sequence[tuple[str, SensorQuality]], name: str, language: Language) -> list[str]:
     """Median, largest, and the sensor with the largest."""
     values = [DEG * float(getattr(q, name)) for _, q in sensors]
     worst = int(np.argmax(values))
-    return [f"{np.median(values):.2f}", f"{values[worst]:.2f}", segment_words(sensors[worst][0])]
+    return [language.number(float(np.median(values)), 2), language.number(values[worst], 2), language.segment(sensors[worst][0])]
 
 
-def _signal(content: Content) -> list[list[str]]:
-    flagged = [f"{100 * f.share:.1f} % {f.words} (worst: {segment_words(f.worst)}, {100 * f.worst_share:.0f} %)" for f in content.flagged]
+def _signal(content: Content, language: Language) -> list[list[str]]:
+    flagged = [
+        language.say(
+            "flagged",
+            share=language.number(100 * f.share, 1),
+            what=language.heard(f.words),
+            worst=language.segment(f.worst),
+            worst_share=language.number(100 * f.worst_share),
+        )
+        for f in content.flagged
+    ]
     alike: dict[tuple[float, tuple[str, ...]], list[StreamFacts]] = {}
     for s in content.recording.streams:
         alike.setdefault((s.rate, s.quantities), []).append(s)
     return [
-        *(["Streams" if len(streams) > 1 else "Stream", _streams(streams)] for streams in alike.values()),
-        ["Task samples", "; ".join(flagged) if flagged else "all usable, no flags"],
+        *([language.say("streams" if len(streams) > 1 else "stream"), _streams(streams, language)] for streams in alike.values()),
+        [language.say("task_samples"), "; ".join(flagged) if flagged else language.say("unflagged")],
     ]
 
 
-def _streams(streams: Sequence[StreamFacts]) -> str:
+def _streams(streams: Sequence[StreamFacts], language: Language) -> str:
     """Streams of the same rate and quantities together."""
     counts = [s.lost for s in streams if s.lost is not None]
-    lost = "losses not recorded" if len(counts) < len(streams) else f"{sum(counts):,} lost" if sum(counts) else "none lost"
-    names, sensors = ", ".join(s.name for s in streams), sum(len(s.sensors) for s in streams)
-    return f"{names}: {sensors} sensors at {streams[0].rate:g} Hz, {sum(s.samples for s in streams):,} samples, {lost}"
+    unknown = len(counts) < len(streams)
+    return language.say(
+        "streams.of",
+        names=", ".join(language.known(f"part.{s.name}", s.name) for s in streams),
+        sensors=sum(len(s.sensors) for s in streams),
+        rate=f"{streams[0].rate:g}",
+        samples=language.number(sum(s.samples for s in streams)),
+        lost=language.say("losses.unknown")
+        if unknown
+        else language.say("losses", count=language.number(sum(counts)))
+        if sum(counts)
+        else language.say("losses.none"),
+    )
 
 
-def _provenance(content: Content) -> list[list[str]]:
-    recording, method = content.recording, content.method
-    known = {"device": "", "device_id": "number ", "firmware": "firmware ", "format": "format "}
-    device = [f"{word}{recording.source[key]}" for key, word in known.items() if recording.source.get(key)]
+def _provenance(content: Content, language: Language) -> list[list[str]]:
+    recording, method, say = content.recording, content.method, language.say
+    known = ("device", "device_id", "firmware", "format")
+    device = [say(f"source.{key}", value=recording.source[key]) for key in known if recording.source.get(key)]
     changed = [
-        f"{c.option.name} = {c.value}{' ' + c.option.unit if c.option.unit else ''} (default {c.option.default})" for c in method.changed
+        say("option.changed", name=c.option.name, value=f"{c.value} {c.option.unit}".strip(), default=c.option.default)
+        for c in method.changed
     ]
     return [
-        ["Recorded", f"{recording.start_utc or 'start not recorded'}, {recording.duration:.1f} s"],
-        ["Device", ", ".join(device) or "not recorded"],
-        ["Software", content.software],
-        ["Method", f"{method.name}: {method.title}"],
-        ["Options", "; ".join(changed) if changed else "all at their defaults"],
+        [say("recorded"), f"{recording.start_utc or say('no_start')}, {language.number(recording.duration, 1)} s"],
+        [say("device"), ", ".join(device) or say("not_recorded")],
+        [say("software"), content.software],
+        [say("method"), f"{method.name}: {language.heard(method.title)}"],
+        [say("options"), "; ".join(changed) if changed else say("options.default")],
     ]

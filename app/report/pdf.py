@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import typst
 
+from app.language import Language
 from app.report.content import Content
 from app.report.page import words_of
 
@@ -19,13 +20,13 @@ UNPRINTABLE = re.compile(r'the text (?:contains the disallowed codepoint )?`"(.+
 ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
 
 
-def pdf(content: Content) -> bytes:
+def pdf(content: Content, language: Language, paper: str = "a4") -> bytes:
     """The report; a character that the fonts lack is printed by its number, as [U+4E2D]."""
-    page, missing = words_of(content), set[str]()
+    page, missing = words_of(content, language), set[str]()
     moment = int(content.date.timestamp()) if content.date else 0
     while True:
         try:
-            return _compiled(_spelled(page, missing), moment)
+            return _compiled(_spelled(page, missing), paper, moment)
         except typst.TypstError as problem:
             found = _unprintable(problem)
             if found is None or found in missing:
@@ -33,10 +34,13 @@ def pdf(content: Content) -> bytes:
             missing.add(found)
 
 
-def _compiled(page: Any, moment: int) -> bytes:
+def _compiled(page: Any, paper: str, moment: int) -> bytes:
     """PDF of a page dated `moment` (s since 1970, UTC)."""
     compiler = typst.Compiler(
-        LAYOUT, root=LAYOUT.parent, font_paths=typst.Fonts(include_system_fonts=False), sys_inputs={"page": json.dumps(page)}
+        LAYOUT,
+        root=LAYOUT.parent,
+        font_paths=typst.Fonts(include_system_fonts=False),
+        sys_inputs={"page": json.dumps(page), "paper": paper},
     )
     made = compiler.compile(format="pdf", pdf_standards=[*STANDARDS], timestamp=moment)
     assert isinstance(made, bytes)

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from app.language import Language
 from app.report.content import Curve
 from app.report.range_rows import RangeRow
 from app.report.references import Reference
@@ -30,7 +31,7 @@ INK, GREY, HAIR, ACCENT = "#1a1a1a", "#6b6b6b", "#c9c9c9", "#2f5d6e"
 FILL = {"good": ("#7fa0ad", None), "fair": ("#d9e4e8", None), "poor": ("white", "/////")}
 LINES = (("-", INK), ((0, (4, 1.5)), ACCENT), ((0, (1, 1)), GREY))  # first, second, last joint of a finger
 PANEL_GAP, ROOM, NUMBER = 4.0, 15.0, 10.0  # pt: between the panels; beside the longest bar; taken by the degrees at a bar's end
-PANELS = (  # share of the width, which range of a row, least limits (deg), words of the two directions
+PANELS = (  # share of the width, which range of a row, least limits (deg), keys of the words of the two directions
     (0.66, "bend", (-75.0, 105.0), ("extension", "flexion")),
     (0.34, "side", (-40.0, 40.0), ("radial", "ulnar")),
 )
@@ -53,7 +54,7 @@ SETTINGS = {
 _MATPLOTLIB = threading.Lock()  # matplotlib's settings belong to the process: one figure at a time
 
 
-def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width: float, labels: bool = True) -> str:
+def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width: float, language: Language, labels: bool = True) -> str:
     """A bar from the smallest to the largest angle of every joint (one at least), flexion left, deviation right; `labels` names the joints."""
     with _drawing():
         places, height = row_places(rows)
@@ -64,7 +65,7 @@ def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width
             ax = _axes(figure, left + k * (0.66 * inner + PANEL_GAP), 0, share * inner, height, width, height + HEAD)
             bars = [_Bar(y, r, _ticks(r, references)) for y, row in zip(places, rows) if (r := getattr(row, angle))]
             number = NUMBER * _scale(ax, bars, least, share * inner, height)
-            _head(ax, *words)
+            _head(ax, *(language.say(f"way.{word}") for word in words))
             for bar in bars:
                 _bar(ax, bar, number)
             if labels and k == 0:
@@ -79,7 +80,7 @@ def row_places(rows: Sequence[RangeRow]) -> tuple[Array, float]:
     return np.arange(len(rows)) * ROW + ROW / 2 + gaps, len(rows) * ROW + (float(gaps[-1]) if len(rows) else 0.0)
 
 
-def flexion_curves(curves: Sequence[Curve], width: float, height: float) -> str:
+def flexion_curves(curves: Sequence[Curve], width: float, height: float, language: Language) -> str:
     """Flexion over time, a panel a finger: first joint solid, middle joint dashed, end joint dotted."""
     with _drawing():
         figure = Figure(figsize=(width / 72, height / 72))
@@ -96,17 +97,17 @@ def flexion_curves(curves: Sequence[Curve], width: float, height: float) -> str:
             ax.set(ylim=(min(-30, angles.min()) - 5, max(90, angles.max()) + 5), xlim=(0, joints[0].t[-1]), yticks=(0, 45, 90))
             ax.yaxis.set_tick_params(labelleft=k == 0)
             ax.locator_params(axis="x", nbins=3, prune="upper")
-            _name(ax, finger.capitalize())
+            _name(ax, language.say(f"finger.{finger}"))
         return _svg(figure)
 
 
-def tapping_chart(tapping: Tapping, width: float, height: float) -> str:
+def tapping_chart(tapping: Tapping, width: float, height: float, language: Language) -> str:
     """Distance over time with the closings marked, and below it each tap's amplitude with its regression line."""
     with _drawing():
         figure = Figure(figsize=(width / 72, height / 72))
         inner = (height - 48) / 2
-        _distance(_axes(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping)
-        _amplitudes(_axes(figure, 15, 12, width - 19, inner, width, height), tapping)
+        _distance(_axes(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping, language)
+        _amplitudes(_axes(figure, 15, 12, width - 19, inner, width, height), tapping, language)
         return _svg(figure)
 
 
@@ -116,17 +117,17 @@ def _drawing() -> Iterator[None]:
         yield
 
 
-def _distance(ax: Axes, tapping: Tapping) -> None:
+def _distance(ax: Axes, tapping: Tapping, language: Language) -> None:
     start = tapping.t[0]
     ax.plot(tapping.t - start, 1e3 * tapping.distance, lw=0.6, color=INK)
     known = np.isfinite(tapping.distance)
     at = np.interp(tapping.closings, tapping.t[known], tapping.distance[known]) if known.any() else np.zeros(0)
     ax.plot(tapping.closings - start, 1e3 * at, ls="", marker="^", ms=2.6, mfc="white", mec=ACCENT, mew=0.6, clip_on=False)
     ax.set(xlim=(0, tapping.t[-1] - start), ylim=(0, None))
-    _name(ax, "Distance in mm over time in s")
+    _name(ax, language.say("tapping.distance"))
 
 
-def _amplitudes(ax: Axes, tapping: Tapping) -> None:
+def _amplitudes(ax: Axes, tapping: Tapping, language: Language) -> None:
     number = np.arange(1, tapping.count + 1)
     ax.vlines(number, 0, 1e3 * tapping.amplitudes, lw=0.5, color=HAIR)
     ax.plot(number, 1e3 * tapping.amplitudes, ls="", marker="o", ms=2.4, color=ACCENT)
@@ -134,7 +135,7 @@ def _amplitudes(ax: Axes, tapping: Tapping) -> None:
         slope, level = np.polyfit(number, 1e3 * tapping.amplitudes, 1)
         ax.plot(number[[0, -1]], level + slope * number[[0, -1]], lw=0.9, color=INK, ls=(0, (5, 2)))
     ax.set(xlim=(0.2, max(tapping.count, 1) + 0.8), ylim=(0, None))
-    _name(ax, "Amplitude in mm, tap by tap")
+    _name(ax, language.say("tapping.amplitudes"))
 
 
 def _name(ax: Axes, words: str) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.language import Language
 from app.report.content import Task
 from app.report.words import ROTATION, SIDES, both_ways, extension_words, flexion_words, joint_words
 from estimators.hand_anatomy import ANGLES, JOINTS
@@ -60,7 +61,7 @@ def over_tasks(tasks: Sequence[Task]) -> list[Range]:
     return found
 
 
-def range_rows(ranges: Sequence[Range], full: bool) -> list[RangeRow]:
+def range_rows(ranges: Sequence[Range], full: bool, language: Language) -> list[RangeRow]:
     """Rows in the order wrist, thumb, index to little, from the knuckle outwards; a rotation follows its joint as a row of its own.
 
     Only where the tasks asked for the `full` range is what was not reached called a deficit.
@@ -69,10 +70,11 @@ def range_rows(ranges: Sequence[Range], full: bool) -> list[RangeRow]:
     for joint in (j.name for j in JOINTS):
         of = {r.angle: r for r in ranges if r.joint == joint}
         if "flexion" in of or "deviation" in of:
-            rows.append(_row(joint, of.get("flexion"), of.get("deviation"), full))
+            rows.append(_row(joint, of.get("flexion"), of.get("deviation"), full, language))
         if turn := of.get("pronation"):
-            group, name = joint_words(joint)
-            rows.append(RangeRow(group, f"{name} turn", "", "", both_ways(turn.smallest, turn.largest, ROTATION), turn))
+            group, name = joint_words(joint, language)
+            turned = both_ways(turn.smallest, turn.largest, ROTATION, language)
+            rows.append(RangeRow(group, language.say("joint.turn", joint=name), "", "", turned, turn))
     return rows
 
 
@@ -83,8 +85,8 @@ def _furthest(ranges: Sequence[Range]) -> Range:
     return Range(high.joint, high.angle, high.largest, low.smallest, high.t_largest, low.t_smallest, grade, "; ".join(reasons))
 
 
-def _row(joint: str, bend: Range | None, side: Range | None, full: bool) -> RangeRow:
-    flexion = flexion_words(bend.largest) if bend else ""
-    extension = extension_words(joint, bend.smallest, bend.largest, full) if bend else ""
-    sideways = both_ways(side.smallest, side.largest, SIDES[joint]) if side else ""
-    return RangeRow(*joint_words(joint), flexion, extension, sideways, bend, side)
+def _row(joint: str, bend: Range | None, side: Range | None, full: bool, language: Language) -> RangeRow:
+    flexion = flexion_words(bend.largest, language) if bend else ""
+    extension = extension_words(joint, bend.smallest, bend.largest, language, full) if bend else ""
+    sideways = both_ways(side.smallest, side.largest, SIDES[joint], language) if side else ""
+    return RangeRow(*joint_words(joint, language), flexion, extension, sideways, bend, side)

@@ -10,9 +10,9 @@ from typing import Any
 
 import orjson
 
+from app.language import ENGLISH
 from app.report.content import Content
 from app.report.units import reading
-from app.report.words import NOTICE, TAG
 
 SIGNS = (
     "angles: flexion, ulnar deviation and pronation are positive; extension, radial deviation and supination are negative; the same on both hands",
@@ -23,6 +23,7 @@ SIGNS = (
 COLUMNS = (
     "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source"
 )  # fmt: skip
+TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell of text that begins so would be run by a spreadsheet
 
 

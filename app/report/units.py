@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from app.language import Language
 from estimators.measures.figure import Figure
 
 DEG = 57.29577951308232  # of a rad
@@ -23,3 +24,8 @@ def reading(figure: Figure) -> Reading:
         return Reading(100 * figure.value, "%") if figure.name.endswith(SHARES) else Reading(figure.value, "")
     unit, factor = READABLE.get(figure.unit, (figure.unit, 1.0))
     return Reading(factor * figure.value, unit)
+
+
+def unit_words(unit: str, language: Language) -> str:
+    """The unit as printed: "per s" for Hz."""
+    return language.known(f"unit.{unit}", unit)

@@ -10,8 +10,9 @@ import orjson
 import pytest
 
 from app.api.readings import readings
+from app.language import ENGLISH
 from app.protocols import load_all
-from app.report import FORMS
+from app.report import FORMS, Style
 from app.report.changes import Changes, changes
 from app.report.content import Content
 from app.report.units import DEG
@@ -81,7 +82,7 @@ def compared(tasks: tuple[str, ...] = NORMAL) -> tuple[Content, dict[str, Any]]:
     made = session(tasks)
     figures = [figure for t in made[2] for figure in figure_rows(t)]
     found = before(values(figures))
-    return replace(report(made), changes=found), readings({"tasks": [_task(t) for t in made[2]]}, figures, load_all(), found)
+    return replace(report(made), changes=found), readings({"tasks": [_task(t) for t in made[2]]}, figures, load_all(), ENGLISH, found)
 
 
 def test_the_page_says_it_beside_every_figure() -> None:
@@ -110,9 +111,9 @@ def test_the_pdf_says_it_what_is_beyond_first_and_stays_one_page() -> None:
     assert f"Since 12 May 2026, beyond what repeated measurement gives (MDC95): {beyond} Within it: all 42 others." in text
     assert "MDC of a joint's angle: 12° (Reissner 2019). Published MDCs stand in until 5 sessions within a week" in text
     assert text.count("Published MDCs stand in") == 1
-    assert "gives (MDC95): nothing. Within it: rate 0.40 per s higher. All others unchanged." in text
+    assert "gives (MDC95): nothing. Within it: Rate 0.40 per s higher. All others unchanged." in text
     assert "from 5 sessions repeated within a week" in text
-    assert pages(FORMS["pdf"](content)) == 1
+    assert pages(FORMS["pdf"](content, Style())) == 1
 
 
 def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
@@ -123,15 +124,15 @@ def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
         key: (value + rng.normal(0, 5 / DEG if unit == "rad" else 0.1 * abs(value)), unit) for key, (value, unit) in now.items()
     }
     content = replace(report(made), changes=changes(Comparison(MAY, now, then, {}, {})))
-    assert pages(FORMS["pdf"](content)) == 1
+    assert pages(FORMS["pdf"](content, Style())) == 1
     text = text_of(content)
     assert re.search(r"Within it: all \d\d", text)
-    assert "Not judged: taps" in text
+    assert "Not judged: Taps" in text
 
 
 def test_the_tables_for_programs_say_it_in_numbers() -> None:
     content = compared()[0]
-    told = orjson.loads(FORMS["json"](content))["changes"]
+    told = orjson.loads(FORMS["json"](content, Style()))["changes"]
     (pip,) = [c for c in told["each"] if c["name"] == PIP[2] and c["task"] == PIP[1]]
     assert (round(pip["value"], 6), pip["unit"], pip["mdc95"], pip["basis"]) == (15.0, "deg", 12.0, "published")
     assert told["since"].startswith("2026-05-12")
@@ -140,6 +141,6 @@ def test_the_tables_for_programs_say_it_in_numbers() -> None:
 def test_with_nothing_to_compare_with_nothing_is_said() -> None:
     assert "Since " not in text_of(report())
     made = session()
-    told = readings({"tasks": [_task(t) for t in made[2]]}, [f for t in made[2] for f in figure_rows(t)], load_all())
+    told = readings({"tasks": [_task(t) for t in made[2]]}, [f for t in made[2] for f in figure_rows(t)], load_all(), ENGLISH)
     assert told["changes"] is None
     assert all(r["changes"] == {} for table in told["ranges"] for r in table["rows"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import typst
 
+from app.language import ENGLISH
 from app.report import plots
 from app.report.content import Curve
 from app.report.range_rows import range_rows
@@ -36,7 +37,7 @@ def ink(svg: str) -> float:
 
 def one(smallest: float, largest: float, grade: Grade = "good", joint: str = "index_pip") -> str:
     r = Range(joint, "flexion", math.radians(largest), math.radians(smallest), 0.0, 0.0, grade, "")
-    return plots.range_chart(range_rows([r], full=True), (), 200.0, labels=False)
+    return plots.range_chart(range_rows([r], full=True, language=ENGLISH), (), 200.0, ENGLISH, labels=False)
 
 
 def bar_length(svg: str) -> int:
@@ -55,12 +56,12 @@ def trial(amplitudes: Array) -> Tapping:
 
 def test_every_figure_of_a_session_has_ink() -> None:
     tasks = report().tasks
-    rows = range_rows(tasks[0].result.details, full=True)
+    rows = range_rows(tasks[0].result.details, full=True, language=ENGLISH)
     for svg in (
-        plots.range_chart(rows, references(), 206.0, labels=False),
-        plots.range_chart(rows, references(), 300.0),
-        plots.flexion_curves(tasks[0].curves, 516.0, 54.0),
-        plots.tapping_chart(tasks[-1].result.details, 340.0, 118.0),
+        plots.range_chart(rows, references(), 206.0, ENGLISH, labels=False),
+        plots.range_chart(rows, references(), 300.0, ENGLISH),
+        plots.flexion_curves(tasks[0].curves, 516.0, 54.0, ENGLISH),
+        plots.tapping_chart(tasks[-1].result.details, 340.0, 118.0, ENGLISH),
     ):
         assert ink(svg) > 0.02
     assert ink(one(0, 0.4)) < 0.5 * ink(one(0, 90))
@@ -92,17 +93,19 @@ def test_grades_can_be_told_apart_without_colour() -> None:
 
 def test_reference_values_are_drawn_as_ticks_but_not_at_zero() -> None:
     r = Range("thumb_ip", "flexion", 1.0, 0.0, 0.0, 0.0, "good", "")
-    rows = range_rows([r], full=True)
-    ticks = [plots.range_chart(rows, given, 200.0).count("stroke-width: 0.8") for given in ((), references())]
+    rows = range_rows([r], full=True, language=ENGLISH)
+    ticks = [plots.range_chart(rows, given, 200.0, ENGLISH).count("stroke-width: 0.8") for given in ((), references())]
     assert ticks == [0, 2]  # 88 and -12
     finger = Range("index_pip", "flexion", 1.0, 0.0, 0.0, 0.0, "good", "")
-    assert plots.range_chart(range_rows([finger], full=True), references(), 200.0).count("stroke-width: 0.8") == 1  # 100, not 0
+    assert (
+        plots.range_chart(range_rows([finger], full=True, language=ENGLISH), references(), 200.0, ENGLISH).count("stroke-width: 0.8") == 1
+    )  # 100, not 0
 
 
 def test_a_joint_of_the_finger_keeps_its_line_where_another_is_not_measured() -> None:
     t = np.linspace(0, 5, 50)
-    whole = plots.flexion_curves([Curve(f"index_{j}", t, np.sin(t)) for j in ("mcp", "pip", "dip")], 200.0, 54.0)
-    alone = plots.flexion_curves([Curve("index_dip", t, np.sin(t))], 200.0, 54.0)
+    whole = plots.flexion_curves([Curve(f"index_{j}", t, np.sin(t)) for j in ("mcp", "pip", "dip")], 200.0, 54.0, ENGLISH)
+    alone = plots.flexion_curves([Curve("index_dip", t, np.sin(t))], 200.0, 54.0, ENGLISH)
     dotted = next(line for line in alone.splitlines() if "stroke-dasharray" in line)
     assert whole.count("stroke-dasharray") == 2
     assert (
@@ -112,13 +115,13 @@ def test_a_joint_of_the_finger_keeps_its_line_where_another_is_not_measured() ->
 
 
 def test_each_tap_and_each_closing_is_marked() -> None:
-    few, many = (plots.tapping_chart(trial(np.full(n, 0.06)), 340.0, 118.0) for n in (10, 12))
+    few, many = (plots.tapping_chart(trial(np.full(n, 0.06)), 340.0, 118.0, ENGLISH) for n in (10, 12))
     marks = [svg.count("<use") - svg.count("<text") for svg in (few, many)]  # tick marks come with a number each
     assert marks == [10 + 11 - 2, 12 + 13 - 2]  # the two names of the axes are numbers without a mark
 
 
 def test_the_regression_line_follows_the_amplitudes() -> None:
-    falling, flat = (pixels(plots.tapping_chart(trial(a), 340.0, 118.0)) for a in (np.linspace(0.06, 0.01, 20), np.full(20, 0.06)))
+    falling, flat = (pixels(plots.tapping_chart(trial(a), 340.0, 118.0, ENGLISH)) for a in (np.linspace(0.06, 0.01, 20), np.full(20, 0.06)))
     lower_right = np.s_[-140:-60, 1150:1300]  # of the amplitudes; dots are lighter than the line
     black = [float((image[lower_right].max(axis=-1) < 0.2).mean()) for image in (falling, flat)]
     assert black[0] > 0.005

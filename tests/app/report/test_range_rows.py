@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.language import ENGLISH
 from app.report.content import Task
 from app.report.range_rows import RangeRow, asks_full_range, by_task, over_tasks, range_rows
 from estimators.measures.assessment import TaskResult
@@ -22,7 +23,7 @@ def pip(smallest: float, largest: float, grade: str = "good", reason: str = "") 
 
 
 def table(ranges: list[Range]) -> dict[tuple[str, str], RangeRow]:
-    return {(r.group, r.joint): r for r in range_rows(ranges, full=True)}
+    return {(r.group, r.joint): r for r in range_rows(ranges, full=True, language=ENGLISH)}
 
 
 def test_the_furthest_of_several_tasks_counts() -> None:
@@ -57,7 +58,7 @@ def test_the_grade_is_the_worse_of_the_tasks_that_gave_the_ends() -> None:
 def test_a_row_is_as_poor_as_its_worse_angle() -> None:
     side = Range("index_mcp", "deviation", 0.1, -0.1, 0.0, 0.0, "fair", "bridged")
     bend = replace(pip(0, 90), joint="index_mcp")
-    (row,) = range_rows([bend, side], full=True)
+    (row,) = range_rows([bend, side], full=True, language=ENGLISH)
     assert (row.grade, row.reasons) == ("fair", ("bridged",))
 
 

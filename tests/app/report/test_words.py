@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from app.language import ENGLISH
 from app.report.words import SIDES, both_ways, extension_words, flexion_words, joint_words, span_words
 from tests.app.report.simulated_sessions import report
 
@@ -25,16 +26,16 @@ from tests.app.report.simulated_sessions import report
     ],
 )
 def test_extension_is_a_deficit_or_beyond_straight(joint: str, smallest: float, largest: float, words: str) -> None:
-    assert extension_words(joint, math.radians(smallest), math.radians(largest)) == words
+    assert extension_words(joint, math.radians(smallest), math.radians(largest), ENGLISH) == words
 
 
 def test_a_task_that_did_not_ask_for_full_extension_shows_no_deficit() -> None:
-    assert extension_words("index_pip", math.radians(28), math.radians(90), full=False) == "not below 28°"
+    assert extension_words("index_pip", math.radians(28), math.radians(90), ENGLISH, full=False) == "not below 28°"
 
 
 @pytest.mark.parametrize(("largest", "words"), [(95.4, "95°"), (-0.2, "0°"), (-5, "none")])
 def test_flexion_is_the_largest_angle(largest: float, words: str) -> None:
-    assert flexion_words(math.radians(largest)) == words
+    assert flexion_words(math.radians(largest), ENGLISH) == words
 
 
 @pytest.mark.parametrize(
@@ -51,16 +52,16 @@ def test_flexion_is_the_largest_angle(largest: float, words: str) -> None:
     ],
 )
 def test_side_motion_names_both_directions(joint: str, smallest: float, largest: float, words: str) -> None:
-    assert both_ways(math.radians(smallest), math.radians(largest), SIDES[joint]) == words
+    assert both_ways(math.radians(smallest), math.radians(largest), SIDES[joint], ENGLISH) == words
 
 
 def test_joints_are_named_by_finger_and_joint() -> None:
-    assert joint_words("index_pip") == ("Index", "PIP")
-    assert joint_words("wrist") == ("Wrist", "")
+    assert joint_words("index_pip", ENGLISH) == ("Index", "PIP")
+    assert joint_words("wrist", ENGLISH) == ("Wrist", "")
 
 
 def test_the_span_of_tasks_names_each_and_its_seconds() -> None:
     tasks = report().tasks
-    assert span_words(tasks[:1]) == "Fist and stretch, 7 to 20 s of the recording"
-    assert span_words([tasks[0], tasks[0]]) == "Fist and stretch, 7 to 20 and 7 to 20 s of the recording"
-    assert span_words(tasks[:4]).startswith("Fist and stretch; Spread and close; Thumb across and away; Wrist")
+    assert span_words(tasks[:1], ENGLISH) == "Fist and stretch, 7 to 20 s of the recording"
+    assert span_words([tasks[0], tasks[0]], ENGLISH) == "Fist and stretch, 7 to 20 and 7 to 20 s of the recording"
+    assert span_words(tasks[:4], ENGLISH).startswith("Fist and stretch; Spread and close; Thumb across and away; Wrist")

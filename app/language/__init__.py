@@ -1,0 +1,149 @@
+"""What the server writes into pages and reports, in every language that has a file beside this: en.json, de.json; one more file, one more language.
+
+words      by key; {names} are filled in. A key that a language lacks is said in English
+sentences  written elsewhere in English (warnings, reasons, titles of tasks), by their original; {names} stand for what differs
+locale     numbers, dates and lists after the Unicode CLDR (Babel)
+"""
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache, cached_property
+from importlib.resources import files
+
+from babel import Locale, negotiate_locale
+from babel.dates import format_date, format_time
+from babel.lists import format_list
+from babel.numbers import format_decimal
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENTS
+
+DEFAULT = "en"
+NAME = re.compile(r"\{(\w+)\}")
+SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
+MOST_SENTENCES = 4000  # of a sentence's length; longer ones are said as they are
+
+
+@dataclass(frozen=True, eq=False)
+class Language:
+    """Words and forms of one language."""
+
+    code: str  # ISO 639-1
+    name: str  # in the language itself
+    locale: Locale
+    words: Mapping[str, str]
+    sentences: Mapping[str, str]  # by their English original
+
+    def say(self, key: str, **values: object) -> str:
+        """The words of a key."""
+        text = self.words[key]
+        return _filled(text, values)
+
+    def known(self, key: str, otherwise: str) -> str:
+        return self.words.get(key, otherwise)
+
+    def counted(self, key: str, count: int) -> str:
+        """ "1 session", "3 sessions": the words `key.one` or `key.many`."""
+        return self.say(f"{key}.{'one' if count == 1 else 'many'}", count=self.number(count))
+
+    def number(self, value: float, decimals: int = 0) -> str:
+        form = f"#,##0.{'0' * decimals}" if decimals else "#,##0"
+        return str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
+
+    def day(self, moment: datetime) -> str:
+        return format_date(moment, "long", self.locale)
+
+    def short_day(self, moment: datetime) -> str:
+        return format_date(moment, "short", self.locale)
+
+    def hour(self, moment: datetime) -> str:
+        return f"{format_time(moment.timetz(), 'HH:mm', locale=self.locale)} {moment.tzname() or ''}".strip()
+
+    def all_of(self, words: Sequence[str]) -> str:
+        """ "a", "a and b", "a, b and c"."""
+        return format_list(words, locale=self.locale)
+
+    def segment(self, segment: str) -> str:
+        """A segment or tracked point as printed: "ring finger, end segment"."""
+        part, _, piece = segment.partition("_")
+        words = self.known(f"part.{part}", part)
+        return self.say("segment", part=words, piece=self.known(f"piece.{piece}", piece.replace("_", " "))) if piece else words
+
+    def heard(self, sentence: str) -> str:
+        """What was written in English elsewhere: in this language where it is known, else as it is; segments by their names."""
+        if (known := self.sentences.get(sentence)) is not None:
+            return known
+        if len(sentence) <= MOST_SENTENCES:
+            for pattern, text in self._patterns:
+                if found := pattern.fullmatch(sentence):
+                    return _filled(text, {name: self.heard(value) for name, value in found.groupdict().items()})
+        return self._localised(sentence)
+
+    def _localised(self, text: str) -> str:
+        """Segments by their names, decimal numbers in the locale's form."""
+        named = SEGMENT.sub(lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text)
+        point = self.locale.number_symbols["latn"]["decimal"]
+        return named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
+
+    @cached_property
+    def _patterns(self) -> list[tuple[re.Pattern[str], str]]:
+        """Sentences with gaps, those with most words of their own first."""
+        gapped = sorted((s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s)))
+        return [(re.compile(_gapped(s), re.DOTALL), self.sentences[s]) for s in gapped]
+
+
+@cache
+def languages() -> Mapping[str, Language]:
+    """Every language by its code, English first."""
+    found = {entry.name.removesuffix(".json"): entry for entry in files("app.language").iterdir() if entry.name.endswith(".json")}
+    read = {code: json.loads(found[code].read_text("utf-8")) for code in sorted(found, key=lambda code: (code != DEFAULT, code))}
+    english = read[DEFAULT]["words"]
+    return {
+        code: Language(code, told["name"], Locale.parse(told["locale"]), {**english, **told["words"]}, told["sentences"])
+        for code, told in read.items()
+    }
+
+
+def language(code: str) -> Language:
+    """The language of a code; InputError where there is none."""
+    if code not in languages():
+        raise InputError(f"there is no language {code!r}; languages are {', '.join(languages())}")
+    return languages()[code]
+
+
+def preferred(accepted: str) -> Language:
+    """The first of an Accept-Language header that there is, else English."""
+    wanted = sorted(_weighed(accepted), key=lambda w: -w[0])
+    code = negotiate_locale([tag for _, tag in wanted], [*languages()], sep="-")
+    return languages()[code or DEFAULT]
+
+
+def _weighed(accepted: str) -> Iterable[tuple[float, str]]:
+    for part in accepted[:1000].split(","):
+        tag, _, weight = part.partition(";q=")
+        try:
+            yield (float(weight) if weight else 1.0), tag.strip()
+        except ValueError:
+            continue
+
+
+def _filled(text: str, values: Mapping[str, object]) -> str:
+    return NAME.sub(lambda found: str(values.get(found[1], found[0])), text)
+
+
+def _gapped(sentence: str) -> str:
+    """A regular expression from a sentence with {names}; a name that stands twice is the same both times."""
+    seen: set[str] = set()
+    pieces = []
+    for k, piece in enumerate(NAME.split(sentence)):
+        pieces.append(re.escape(piece) if k % 2 == 0 else f"(?P={piece})" if piece in seen else f"(?P<{piece}>.+?)")
+        if k % 2:
+            seen.add(piece)
+    return "".join(pieces)
+
+
+ENGLISH = languages()[DEFAULT]

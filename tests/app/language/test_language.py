@@ -1,0 +1,74 @@
+"""Languages of what the server writes: every language says everything, sentences written elsewhere are recognised, numbers have the locale's form."""
+
+import re
+from datetime import UTC, datetime
+
+import pytest
+
+from app.language import ENGLISH, NAME, Language, language, languages, preferred
+from estimators.errors import InputError
+
+GERMAN = languages()["de"]
+OTHERS = [one for one in languages().values() if one is not ENGLISH]
+MOMENT = datetime(2026, 11, 5, 7, 3, tzinfo=UTC)
+
+
+def code(one: Language) -> str:
+    return one.code
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=code)
+def test_words_have_the_same_gaps_in_every_language(other: Language) -> None:
+    words = other.words
+    assert {k: sorted(NAME.findall(w)) for k, w in words.items() if k in ENGLISH.words} == {
+        k: sorted(NAME.findall(w)) for k, w in ENGLISH.words.items()
+    }
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=code)
+def test_sentences_keep_what_they_say(other: Language) -> None:
+    sentences = other.sentences
+    assert [s for s, t in sentences.items() if set(NAME.findall(s)) != set(NAME.findall(t))] == []
+
+
+def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() -> None:
+    assert GERMAN.heard("samples missing and bridged in 12 % of the samples") == "fehlende Messwerte überbrückt in 12 % der Messwerte"
+    assert ENGLISH.heard("samples missing and bridged in 12 % of the samples") == "samples missing and bridged in 12 % of the samples"
+
+
+def test_an_unknown_sentence_is_said_as_it_is_with_segments_named_and_numbers_in_form() -> None:
+    assert (
+        GERMAN.heard("little_proximal drifted by 1.25 deg since 10.11.2026, v1.2.3")
+        == "Kleinfinger Grundglied drifted by 1,25 deg since 10.11.2026, v1.2.3"
+    )
+    assert ENGLISH.heard("little_proximal drifted by 1.25 deg") == "little proximal drifted by 1.25 deg"
+    assert GERMAN.heard("x" * 10_000 + " in 5 % of the samples").startswith("xxx")
+
+
+def test_numbers_and_days_have_the_locales_form() -> None:
+    assert (ENGLISH.number(1234.567, 2), GERMAN.number(1234.567, 2)) == ("1,234.57", "1.234,57")
+    assert (ENGLISH.number(-0.001, 1), GERMAN.number(2.5)) == ("0.0", "2")
+    assert (ENGLISH.day(MOMENT), GERMAN.day(MOMENT)) == ("5 November 2026", "5. November 2026")
+    assert GERMAN.hour(MOMENT) == "07:03 UTC"
+    assert GERMAN.all_of(["a", "b", "c"]) == "a, b und c"
+
+
+@pytest.mark.parametrize(
+    ("accepted", "found"),
+    [
+        ("", "en"),
+        ("de", "de"),
+        ("de-AT,de;q=0.9,en;q=0.8", "de"),
+        ("fr,en;q=0.5,de;q=0.7", "de"),
+        ("tlh", "en"),
+        ("de;q=x,,;", "en"),
+        ("en-US,de", "en"),
+    ],
+)
+def test_the_browsers_preferred_language_is_taken_where_there_is_one(accepted: str, found: str) -> None:
+    assert preferred(accepted).code == found
+
+
+def test_a_language_that_there_is_not_is_said() -> None:
+    with pytest.raises(InputError, match=re.escape("there is no language 'xx'; languages are en, de")):
+        language("xx")
