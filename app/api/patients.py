@@ -76,7 +76,11 @@ def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, An
     """A patient with notes and all sessions, the newest first."""
     patient = patients.get(db, patient_id)
     visits = [
-        {**session_row(v.session), "calibration": calibration_reading(v.calibration, language), "warnings": [language.heard(w) for w in v.warnings]}
+        {
+            **session_row(v.session),
+            "calibration": calibration_reading(v.calibration, language),
+            "warnings": [language.heard(w) for w in v.warnings],
+        }
         for v in timeline.visits(db, patient_id)
     ]
     return {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None], "sessions": visits}
