@@ -7,7 +7,10 @@ Source      Salchow-Hoemmen 2019, 2.3, (7)-(16), after Leclercq et al. 2013
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.compiled import rowwise
 from estimators.quaternions import Array
+
+ROW = np.zeros(8)  # of the length of a dual quaternion, where nothing that a compiled row takes has it
 
 
 def rotation(q_ab: Array) -> Array:
@@ -25,9 +28,7 @@ def translation(p_a: Array) -> Array:
 
 def link(q_ab: Array, p_b: Array) -> Array:
     """A rotation and behind it a translation by p_b (..., 3) in the turned frame, (14) times (15): (..., 8)."""
-    q_r = np.broadcast_to(q_ab, (*np.broadcast_shapes(q_ab.shape[:-1], p_b.shape[:-1]), 4))
-    half = np.concatenate([np.zeros((*p_b.shape[:-1], 1)), 0.5 * p_b], axis=-1)
-    return np.concatenate([q_r, quat.multiply(q_ab, half)], axis=-1)
+    return _link(q_ab, p_b, ROW)
 
 
 def multiply(Q_ab: Array, Q_bc: Array) -> Array:
@@ -35,8 +36,7 @@ def multiply(Q_ab: Array, Q_bc: Array) -> Array:
 
     The paper prints the second dual term as q_Br q_Ad; the order must be q_Ad q_Br, quaternions do not commute.
     """
-    ar, ad, br, bd = Q_ab[..., :4], Q_ab[..., 4:], Q_bc[..., :4], Q_bc[..., 4:]
-    return np.concatenate([quat.multiply(ar, br), quat.multiply(ar, bd) + quat.multiply(ad, br)], axis=-1)
+    return _multiply(Q_ab, Q_bc)
 
 
 def apply(Q_ab: Array, p_b: Array) -> Array:
@@ -46,4 +46,33 @@ def apply(Q_ab: Array, p_b: Array) -> Array:
 
 def origin(Q_ab: Array) -> Array:
     """Where b's origin lies in a, L(0, Q): (..., 8) -> (..., 3). (27)"""
-    return 2.0 * quat.multiply(Q_ab[..., 4:], quat.conjugate(Q_ab[..., :4]))[..., 1:]
+    return _origin(Q_ab, quat.AXES)
+
+
+@rowwise("(q),(v),(d)->(d)")
+def _link(q: Array, p: Array, row: Array, Q: Array) -> None:
+    x, y, z = 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]
+    Q[0], Q[1], Q[2], Q[3] = q[0], q[1], q[2], q[3]
+    Q[4] = -q[1] * x - q[2] * y - q[3] * z
+    Q[5] = q[0] * x + q[2] * z - q[3] * y
+    Q[6] = q[0] * y - q[1] * z + q[3] * x
+    Q[7] = q[0] * z + q[1] * y - q[2] * x
+
+
+@rowwise("(d),(d)->(d)")
+def _multiply(a: Array, b: Array, product: Array) -> None:
+    product[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    product[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    product[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    product[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    product[4] = a[0] * b[4] - a[1] * b[5] - a[2] * b[6] - a[3] * b[7] + a[4] * b[0] - a[5] * b[1] - a[6] * b[2] - a[7] * b[3]
+    product[5] = a[0] * b[5] + a[1] * b[4] + a[2] * b[7] - a[3] * b[6] + a[4] * b[1] + a[5] * b[0] + a[6] * b[3] - a[7] * b[2]
+    product[6] = a[0] * b[6] - a[1] * b[7] + a[2] * b[4] + a[3] * b[5] + a[4] * b[2] - a[5] * b[3] + a[6] * b[0] + a[7] * b[1]
+    product[7] = a[0] * b[7] + a[1] * b[6] - a[2] * b[5] + a[3] * b[4] + a[4] * b[3] + a[5] * b[2] - a[6] * b[1] + a[7] * b[0]
+
+
+@rowwise("(d),(v)->(v)")
+def _origin(Q: Array, row: Array, p: Array) -> None:
+    p[0] = 2.0 * (-Q[4] * Q[1] + Q[5] * Q[0] - Q[6] * Q[3] + Q[7] * Q[2])
+    p[1] = 2.0 * (-Q[4] * Q[2] + Q[5] * Q[3] + Q[6] * Q[0] - Q[7] * Q[1])
+    p[2] = 2.0 * (-Q[4] * Q[3] - Q[5] * Q[2] + Q[6] * Q[1] + Q[7] * Q[0])
