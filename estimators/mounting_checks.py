@@ -216,17 +216,19 @@ def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
     w, hand, base = worn[name], worn["hand"], worn[CHAINS[finger][0]]
     if len(w.t) != len(bend[0]) or len(w.t) < 10:
         return None
-    hand_moves = np.interp(w.t, hand.t, hand.size) if len(hand.t) > 1 else np.zeros(len(w.t))
-    first = w.t < w.t[0] + FIRST
-    bent = first & (bend[1] > BENDS) & (w.size > BENDS) & (hand_moves < 0.25 * w.size)
-    bent &= base.size < 0.3 * w.size if finger == "thumb" else True
-    if bent.sum() * float(np.median(np.diff(w.t))) < LEAST_BENT:
+    first = slice(int(np.searchsorted(w.t, w.t[0] + FIRST)))
+    t, size, rate = w.t[first], w.size[first], w.rate[first]
+    period = float(np.median(np.diff(t)))
+    hand_moves = np.interp(t, hand.t, hand.size) if len(hand.t) > 1 else np.zeros(len(t))
+    bent = (bend[1][first] > BENDS) & (size > BENDS) & (hand_moves < 0.25 * size)
+    bent &= base.size[first] < 0.3 * size if finger == "thumb" else True
+    if bent.sum() * period < LEAST_BENT:
         return None
-    spread, axes = np.linalg.eigh(w.rate[bent].T @ w.rate[bent])
+    spread, axes = np.linalg.eigh(rate[bent].T @ rate[bent])
     if spread[-1] < PLANAR * spread.sum():
         return None
     axis = axes[:, -1]
-    turned = np.cumsum(np.where(first & (hand_moves < BENDS), w.rate @ axis, 0.0)) * float(np.median(np.diff(w.t)))
+    turned = np.cumsum(np.where(hand_moves < BENDS, rate @ axis, 0.0)) * period
     forth, back = float(turned.max()), float(-turned.min())  # from straight a finger can only flex far
     return None if max(forth, back) < 2 * min(forth, back) else np.asarray(axis if forth > back else -axis)
 

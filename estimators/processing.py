@@ -238,8 +238,9 @@ def _span(recording: Recording) -> tuple[float, float]:
 def _flag_warnings(moved: Trajectory) -> list[str]:
     """One sentence for all segments of which the same is to be said."""
     alike: dict[str, list[str]] = {}
+    present = int(np.bitwise_or.reduce(moved.flags, axis=None))
     for flag, what in FLAG_WORDS.items():
-        shares = ((moved.flags & flag) != 0).mean(axis=0) if len(moved) else np.zeros(len(SEGMENTS))
+        shares = ((moved.flags & flag) != 0).mean(axis=0) if present & flag else np.zeros(len(SEGMENTS))
         for segment, share in zip(SEGMENTS, shares):
             if share >= WORTH_SAYING:
                 alike.setdefault(f"{what} in {100 * share:.1f} % of the samples", []).append(segment)

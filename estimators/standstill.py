@@ -8,12 +8,15 @@ Limits  noiseless data (a simulation) has no such mark: where in some second nea
         nothing is said; nothing either while nothing moves
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.compiled import Compiled, rowwise
 from estimators.finding import Finding
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block
@@ -60,14 +63,8 @@ def check(blocks: Sequence[Block]) -> list[Finding]:
 def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
     """Extent of every sensor's steps from sample to sample in each second."""
     first = np.searchsorted(block.t, edges)
-    steps = np.diff(np.moveaxis(block.of(quantity), -1, 0), axis=1, append=0.0)
-    steps[:, np.clip(first[1:] - 1, 0, len(block.t) - 1)] = 0.0  # a step into the next second does not count
-    count = np.diff(first)
-    covariance = np.zeros((len(count), len(block.stream.sensors), 3, 3))
-    with np.errstate(invalid="ignore"):
-        for i, j in _PAIRS:
-            covariance[..., i, j] = covariance[..., j, i] = _sums(steps[i] * steps[j], first) / np.maximum(count, 1)[:, None]
-    enough = count >= max(3.0, 0.5 * WINDOW * block.stream.rate)
+    covariance = _by_second(_of_steps, block, quantity, first, (3, 3))
+    enough = np.diff(first) >= max(3.0, 0.5 * WINDOW * block.stream.rate)
     known = enough[:, None] & np.isfinite(covariance).all(axis=(-2, -1))
     covariance[~known] = 0.0
     suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=-2, axis2=-1) ** 2)
@@ -79,22 +76,39 @@ def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
     return [_Seen(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
 
 
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-
-
-def _sums(values: Array, first: NDArray[np.intp]) -> Array:
-    """Sums (seconds, sensors) of values (n, sensors) over the samples of each second."""
-    padded = np.concatenate([values, np.zeros((1, values.shape[1]))])
-    sums = np.add.reduceat(padded, np.minimum(first[:-1], len(values)), axis=0)
-    return np.asarray(np.where((np.diff(first) > 0)[:, None], sums, 0.0))
-
-
 def _moves(block: Block, edges: Array) -> NDArray[np.bool_]:
     """Seconds (seconds, sensors) in which each sensor turned."""
-    first = np.searchsorted(block.t, edges)
-    rate = np.moveaxis(block.of(GYR), -1, 0)
-    sums = _sums(np.nan_to_num(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2), first)
-    return np.asarray(sums > MOVES**2 * np.maximum(np.diff(first), 1)[:, None])
+    return _by_second(_mean_square, block, GYR, np.searchsorted(block.t, edges), ()) > MOVES**2
+
+
+def _by_second(measure: Compiled, block: Block, quantity: str, first: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+    """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape); zeros where there are none."""
+    values = np.moveaxis(block.of(quantity), 1, 0)
+    found = np.zeros((len(first) - 1, len(values), *shape))
+    for k, (a, b) in enumerate(pairwise(first)):
+        if b > a:
+            found[k] = measure(values[:, a:b])
+    return found
+
+
+@rowwise("(n,v)->(v,v)")
+def _of_steps(values: Array, covariance: Array) -> None:
+    """Covariance (3, 3) of the steps between samples (n, 3)."""
+    covariance[:] = 0.0
+    for k in range(1, len(values)):
+        for i in range(3):
+            for j in range(3):
+                covariance[i, j] += (values[k, i] - values[k - 1, i]) * (values[k, j] - values[k - 1, j]) / len(values)
+
+
+@rowwise("(n,v)->()")
+def _mean_square(values: Array, found: Array) -> None:
+    """Mean square size of vectors (n, 3); what is missing counts as zero."""
+    total = 0.0
+    for k in range(len(values)):
+        square = values[k, 0] ** 2 + values[k, 1] ** 2 + values[k, 2] ** 2
+        total += square if math.isfinite(square) else 0.0
+    found[0] = total / len(values)
 
 
 def _finger(sensor: str) -> str:
