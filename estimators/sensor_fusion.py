@@ -23,6 +23,7 @@ from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Stream, every, some
 from estimators.trajectory import Flag
 
+LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
 LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
 
 
@@ -166,9 +167,15 @@ def _advance(
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
     sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
     flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
+    steady: NDArray[np.bool_] = np.logical_and.reduce(whole[:count]) & (count > 0)
     for k, sensor in enumerate(state.sensors):
-        after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, state.period, block, whole[:, k], k, count)
-        flags[:, k] |= more
+        if steady[k] and _goes_on(sensor) and not _has_north(sensor, block.values[:, k]):  # what is almost always so
+            after, q_GS[:, k], _ = _filter(params, sensor, state.period, block, block.values[:count, k], 0, count)
+            flags[:, k] |= _headless(sensor)
+            doubt[:, k] = sensor.doubt
+        else:
+            after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, state.period, block, whole[:, k], k, count)
+            flags[:, k] |= more
         sensors.append(after)
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(state.stream, tuple(sensors), state.period, newest, held if len(held.t) else None, sampled[count:])
@@ -243,7 +250,7 @@ def _fuse(
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
             sensor, q_GS[first:last], disturbed = _filter(params, sensor, period, block, filled, first, last)
             fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
-            flags[first:last] = _headless(sensor, fresh) | np.uint8(Flag.MAGNETIC) * disturbed
+            flags[first:last] = np.where(fresh, np.uint8(0), _headless(sensor)) | np.uint8(Flag.MAGNETIC) * disturbed
             known_now = float(doubt[last - 1]), bool(sensor.lost and not fresh[-1]), bool(sensor.northed or fresh[-1])
             if known_now != (sensor.doubt, sensor.lost, sensor.northed):  # rarely: a copy of all fields costs as much as the filter's step
                 sensor = replace(sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2])
@@ -254,7 +261,7 @@ def _fuse(
             )
             doubt[first:last] = sensor.doubt
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
-            flags[first:last] = _headless(sensor, np.zeros(last - first, bool))
+            flags[first:last] = _headless(sensor)
     return sensor, q_GS, flags, doubt
 
 
@@ -263,17 +270,19 @@ def _from_first(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.logical_or.accumulate(flags))
 
 
+def _goes_on(sensor: SensorState) -> bool:
+    """Whether the filter runs and nothing has been missed that it could not bridge."""
+    return sensor.filter_state is not None and not sensor.absent
+
+
 def _has_north(sensor: SensorState, samples: Array) -> bool:
     """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no relation to the pose's heading."""
     return samples.shape[1] > 6 and (sensor.start is None or sensor.north is not None)
 
 
-def _headless(sensor: SensorState, fresh: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Flags (n,) of a heading that is lost or was never known, up to the row from which a magnetometer gives it (`fresh`)."""
-    lost = np.uint8(Flag.HEADING_LOST if sensor.lost else 0) | np.uint8(
-        Flag.UNCALIBRATED if sensor.start is None and not sensor.northed else 0
-    )
-    return np.where(fresh, np.uint8(0), lost)
+def _headless(sensor: SensorState) -> np.uint8:
+    """Flags of a heading that is lost or was never known."""
+    return np.uint8((LOST if sensor.lost else 0) | (NEVER_KNOWN if sensor.start is None and not sensor.northed else 0))
 
 
 def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
@@ -323,8 +332,7 @@ def _filter(
         tauMag=params.tau_mag,
         magDistRejectionEnabled=params.mag_rejection,
     )
-    goes_on = sensor.filter_state is not None and not sensor.absent
-    vqf.state = dict(sensor.filter_state if goes_on else _filter_start(vqf.state, sensor, samples[0]))  # type: ignore[arg-type]
+    vqf.state = dict(sensor.filter_state if _goes_on(sensor) else _filter_start(vqf.state, sensor, samples[0]))  # type: ignore[arg-type]
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
