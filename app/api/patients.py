@@ -79,7 +79,7 @@ def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, An
         {
             **session_row(v.session),
             "calibration": calibration_reading(v.calibration, language),
-            "warnings": [language.heard(w) for w in v.warnings],
+            "warnings": v.warnings,
         }
         for v in timeline.visits(db, patient_id)
     ]
