@@ -10,13 +10,13 @@ from fastapi import FastAPI
 from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
 
+from app import protocols
 from app.api import errors, login, methods, pages, patients, results, sessions, stations
 from app.api.access import Gate
 from app.api.state import Parts
 from app.jobs import Jobs
 from app.live.station import Station
 from app.live.stations import Stations
-from app.protocols import load_all
 from app.settings import Settings
 from app.version import software_version
 from estimators.errors import InputError
@@ -28,7 +28,8 @@ log = logging.getLogger(__name__)
 
 def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
-    load_all()  # a protocol file with a mistake is said now, not to a patient who waits
+    for fault in protocols.read()[1]:  # said now, and on the page where tasks are chosen
+        log.warning("%s. This task is not offered, the others are.", fault)
     store = open_store(settings.data, settings.database_url)
 
     @asynccontextmanager

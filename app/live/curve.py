@@ -5,7 +5,8 @@ from collections import deque
 
 import numpy as np
 
-from estimators.hand_anatomy import ANGLES, FINGERS, JOINT
+from estimators import quaternions as quat
+from estimators.hand_anatomy import ANGLES, FINGERS, JOINT, SEGMENT, side_sign
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
@@ -13,6 +14,8 @@ LENGTH = 20.0  # s kept for viewers
 LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted
 SPACING = 1 / 60  # s between two points
 DEFAULT = "aperture"
+THUMB_DOWN = -120.0  # deg that nobody turns to from above
+TITLES = {"aperture": "Thumb to index finger", "palm_turn": "Turn of the palm"}
 
 
 class Curve:
@@ -31,7 +34,7 @@ class Curve:
 
     @property
     def title(self) -> str:
-        return "Thumb to index finger" if self.what == "aperture" else self.what.replace("_", " ")
+        return TITLES.get(self.what, self.what.replace("_", " "))
 
     def follow(self, what: str | None) -> None:
         """Show another quantity from now on."""
@@ -81,6 +84,16 @@ def value_of(rows: Trajectory, what: str) -> Array:
     if what == "aperture":
         gap = rows.tips[:, FINGERS.index("thumb")] - rows.tips[:, FINGERS.index("index")]
         return np.asarray(1e3 * np.sqrt((gap**2).sum(axis=-1)))
+    if what == "palm_turn":
+        return palm_turn(rows)
     joint, _, angle = what.rpartition("_")
     angles: Array = np.degrees(rows.angles[:, JOINT[joint], ANGLES.index(angle)])
     return angles
+
+
+def palm_turn(rows: Trajectory) -> Array:
+    """How far the palm is turned up about the hand's long axis (n,), deg: 0 palm down, 90 thumb up, up to 180 palm up, negative thumb down."""
+    up = quat.rotate(quat.conjugate(rows.q_GS[:, SEGMENT["hand"]]), np.array([0.0, 0.0, 1.0]))
+    dorsal, radial = side_sign(rows.hand) * up[:, 0], -side_sign(rows.hand) * up[:, 2]
+    turned: Array = np.degrees(np.arctan2(radial, dorsal))
+    return np.where(turned < THUMB_DOWN, turned + 360.0, turned)  # palm up is one place and not two

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from app.live.wizard import State, Wizard
+from app.protocols import TURN
 from app.scene import postures
 from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
 from estimators.initial_pose import DEG
@@ -22,10 +23,10 @@ def pose_angles(thumb_cmc: tuple[float, float, float]) -> Array:
 
 
 def angles_of(degrees: Mapping[str, float]) -> Array:
-    """Joint angles (joints, 3) of a posture by names of freedoms, in deg; what is not named is 0."""
+    """Joint angles (joints, 3) of a posture by names of freedoms, in deg; what is not named is 0. The drawn forearm stays, so its turn is the wrist's."""
     angles = np.zeros((len(JOINTS), 3))
     for name, value in degrees.items():
-        joint, _, angle = name.rpartition("_")
+        joint, _, angle = ("wrist_pronation" if name == TURN else name).rpartition("_")
         angles[JOINT[joint], ANGLES.index(angle)] = value * DEG
     return angles
 

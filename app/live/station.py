@@ -61,6 +61,7 @@ class Setup:
     method: ModuleType
     params: Any
     protocols: tuple[Protocol, ...]
+    faults: tuple[str, ...] = ()  # of protocol files: those tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
     about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
 
@@ -292,8 +293,12 @@ class Station:
         accepted = order.reason == "accepted"
         details: dict[str, Any] = {"task_name": order.task, "outcome": order.reason}
         protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
-        if accepted and protocol and protocol.trials > 1:
-            details["trial"] = self._wizard.accepted(order.task)
+        if protocol and protocol.mode == "passive":
+            details["mode"] = protocol.mode
+        if accepted and protocol:
+            details |= protocol.details
+            if protocol.trials > 1:
+                details["trial"] = self._wizard.accepted(order.task)
         onset = order.onset if np.isfinite(order.onset) else self.tracking.newest_sample()
         length = order.end - order.onset if np.isfinite(order.onset) else 0.0
         self.glove.keep_event(f"task-{self.attempt_numbers}", Event(onset, length, "task" if accepted else "annotation", details))

@@ -11,7 +11,7 @@ from typing import Any
 from app.live.replay import Replay
 from app.live.station import Setup, Station
 from app.options import with_options
-from app.protocols import load_all, load_steps
+from app.protocols import load_steps, read
 from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_geometry import measures_from, sized
@@ -116,7 +116,7 @@ def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
         raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[method]
     params = with_options(module.Params, options)
-    protocols = tuple(load_all().values())
+    protocols, faults = read()
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
 
@@ -131,7 +131,8 @@ def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
             method_name=method,
             method=module,
             params=params,
-            protocols=protocols,
+            protocols=tuple(protocols.values()),
+            faults=tuple(faults),
             steps=steps,
             about={"session": session.id, "pseudonym": pseudonym},
         )

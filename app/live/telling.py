@@ -51,6 +51,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "calibration": _calibration(calibration),
         "step_quality": _quality(station.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
+        "protocol_faults": list(station.setup.faults),
         "numbers": _numbers(station, wizard, facts),
         "ended": station.ended,
     }

@@ -1,6 +1,6 @@
 """Tasks as data: one JSON file each in this folder, named as its task; a new task needs no code (docs/extending.md has an example).
 
-The fields are those of `Protocol` below. A task ends in one of three ways: after `duration` s; paced, after `repetitions` rounds of `cycle`
+The fields are those of `Protocol` below. A file with a mistake is named with its field and left out; the others are offered. A task ends in one of three ways: after `duration` s; paced, after `repetitions` rounds of `cycle`
 (the metronome, its words and the countdown of each phase come from there); or, with neither, when somebody presses "Done".
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from itertools import accumulate
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -21,6 +21,8 @@ Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
 Seconds = Annotated[float, Field(gt=0, le=600)]
 Count = Annotated[int, Field(ge=1, le=100)]
+CURVES = ("aperture", "palm_turn", *DOF_NAMES)
+TURN = "forearm_pronation"  # no joint of the glove's: it turns the ghost's whole hand
 SLACK = 0.15  # s by which the end of an attempt may be late or early: the station looks ten times a second
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -37,6 +39,18 @@ class Phase:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Score:
+    """A score that the clinician gives by eye; it is kept beside the measures and never computed."""
+
+    __pydantic_config__ = STRICT
+
+    title: Annotated[str, Field(min_length=1, max_length=60)]
+    least: int = 0
+    most: int
+    hint: Annotated[str, Field(max_length=200)] = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Protocol:
     __pydantic_config__ = STRICT
 
@@ -48,15 +62,20 @@ class Protocol:
     routine: bool = False  # part of the usual assessment, which is offered first
     source: str = ""  # where pace and numbers come from
     duration: Seconds | None = None  # s
-    cycle: Annotated[tuple[Phase, ...], Field(max_length=8)] = ()  # one movement; the metronome beats where a phase begins
+    cycle: Annotated[tuple[Phase, ...], Field(max_length=12)] = ()  # one movement; the metronome beats where a phase begins
     repetitions: Count | None = None  # movements in a trial
     trials: Count = 1  # times that the task is to be accepted
     pause: Annotated[float, Field(ge=0, le=600)] = 0.0  # s of rest between two trials
     countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts
-    curve: str  # "aperture" (thumb to index tip), or a joint angle such as index_pip_flexion; movements are counted on it
+    curve: str  # "aperture" (thumb to index tip), "palm_turn", or a joint angle such as index_pip_flexion; movements are counted on it
     needs: tuple[str, ...] = ()  # segments that must be measured for the task to be offered
-    ghost: tuple[Mapping[str, float], ...] = ()  # postures (joint angles in deg) that the ghost hand goes through; empty: no ghost
+    ghost: tuple[
+        Mapping[str, float], ...
+    ] = ()  # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
     pace: Seconds = 1.5  # s that each of them takes
+    mode: Literal["active", "passive"] = "active"  # who moves the hand: the patient, or the therapist while the patient lets go
+    score: Score | None = None  # asked of the clinician with every trial
+    details: Mapping[str, str] = field(default_factory=dict)  # kept in the recording with every trial, for the measures
     cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is told to do
     cue_details: Mapping[str, str] = field(default_factory=dict)
 
@@ -87,10 +106,20 @@ _READER = TypeAdapter(Protocol)
 
 
 def load_all(folder: Traversable | None = None) -> dict[str, Protocol]:
-    """Every protocol of a folder (this one) by name, in order; InputError names the file that has a fault, its field and what is allowed."""
+    """Every protocol of a folder (this one) that has no fault by name, in order."""
+    return read(folder)[0]
+
+
+def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[str]]:
+    """Every protocol of a folder (this one) by name, in order, and a sentence for each file that has a fault: its field and what is allowed."""
     inside = sorted((folder or files("app.protocols")).iterdir(), key=lambda entry: entry.name)
-    found = [_loaded(entry) for entry in inside if entry.name.endswith(".json")]
-    return {p.name: p for p in sorted(found, key=lambda p: p.order)}
+    found, faults = [], []
+    for entry in (e for e in inside if e.name.endswith(".json")):
+        try:
+            found.append(_loaded(entry))
+        except InputError as fault:
+            faults.append(str(fault))
+    return {p.name: p for p in sorted(found, key=lambda p: p.order)}, faults
 
 
 def load_steps() -> dict[str, Protocol]:
@@ -132,21 +161,24 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
         yield "repetitions is missing; a task with a cycle needs a number of them, 1 to 100"
     if p.pause and p.trials == 1:
         yield "pause is given, but there is one trial only; give trials, or leave pause out"
-    if p.curve not in ("aperture", *DOF_NAMES):
-        yield f"curve is {p.curve!r}; it is aperture or a joint angle such as index_pip_flexion"
+    if p.curve not in CURVES:
+        yield f"curve is {p.curve!r}; it is aperture, palm_turn or a joint angle such as index_pip_flexion"
     for name in p.needs:
         if name not in SEGMENTS:
             yield f"needs names {name!r}, which is no segment; segments are {', '.join(SEGMENTS)}"
     for k, name in ((k, name) for k, posture in enumerate(p.ghost) for name in posture):
-        if name not in DOF_NAMES:
+        if name not in (*DOF_NAMES, TURN):
             yield f"ghost[{k}] names {name!r}, which is no joint angle such as index_pip_flexion"
+    if p.score and p.score.least >= p.score.most:
+        yield f"score.most is {p.score.most}; it is more than score.least, which is {p.score.least}"
 
 
 def _sentence(errors: Sequence[ErrorDetails]) -> str:
     """The first thing wrong, in words."""
     error, more = min(errors, key=lambda e: e["type"] not in UNKNOWN), len(errors) - 1  # a misspelt field is missing, too
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
-    allowed = [f.name for f in fields(Phase if where.startswith("cycle[") else Protocol)]
+    kind_of = Phase if where.startswith("cycle[") else Score if where.startswith("score.") else Protocol
+    allowed = [f.name for f in fields(kind_of)]
     said = error["msg"].replace("Input should", "it should")
     match error["type"]:
         case "json_invalid":

@@ -58,37 +58,37 @@ GRASPED = posture(
 )
 
 
-def spacer_thumb_index(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+def spacer_thumb_index(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """P1: a spacer between the bottoms of thumb and index."""
-    return _moved_about("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng)
+    return _moved_about("P1", [SPACER_THUMB_INDEX], SPACED, geometry, rng, sway)
 
 
-def spacer_index_middle(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+def spacer_index_middle(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """P2: a spacer between the sides of index and middle finger that face each other."""
-    return _moved_about("P2", [SPACER_INDEX_MIDDLE], APART, geometry, rng)
+    return _moved_about("P2", [SPACER_INDEX_MIDDLE], APART, geometry, rng, sway)
 
 
-def block(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+def block(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """P4: a block held with thumb, index and middle finger."""
-    return _moved_about("P4", list(BLOCK.values()), GRASPED, geometry, rng)
+    return _moved_about("P4", list(BLOCK.values()), GRASPED, geometry, rng, sway)
 
 
-def pinch_twice(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
-    """P3: distal tips of thumb and index in contact, closed and opened twice; the closed stretches are the task."""
-    return _pinched("P3", 2, rng.uniform(8.0, 12.0), 3.0, 1.2, geometry, rng)
+def pinch_twice(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY, shut: float | None = None) -> Performance:
+    """P3: distal tips of thumb and index in contact, closed (for `shut` s) and opened twice; the closed stretches are the task."""
+    return _pinched("P3", 2, rng.uniform(8.0, 12.0) if shut is None else shut, 3.0, 1.2, geometry, rng, sway)
 
 
-def pinches(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+def pinches(geometry: HandGeometry, rng: np.random.Generator, sway: float = SWAY) -> Performance:
     """Ten pinches of thumb and index, each closed for about a second, the hand turning meanwhile. Source: Kortier thesis 2.2.5"""
-    return _pinched("pinch", 10, rng.uniform(1.0, 1.3), 1.6, 0.6, geometry, rng)
+    return _pinched("pinch", 10, rng.uniform(1.0, 1.3), 1.6, 0.6, geometry, rng, sway)
 
 
 def _pinched(
-    name: str, times: int, shut: float, pause: float, gentle: float, geometry: HandGeometry, rng: np.random.Generator
+    name: str, times: int, shut: float, pause: float, gentle: float, geometry: HandGeometry, rng: np.random.Generator, sway: float
 ) -> Performance:
     """Closed for `shut` s and open for `pause` s, opening and closing within `gentle` s each."""
     t = _times(times * (shut + pause) - gentle)
-    x = _held([PINCH], PINCHED, geometry, t, rng)
+    x = _held([PINCH], PINCHED, geometry, t, rng, sway)
     opening = sum(_bump(t, k * shut + (k - 1) * pause, pause, gentle) for k in range(1, times + 1))
     apart = posture(None, index_mcp_flexion=-30.0, index_pip_flexion=-15.0, thumb_cmc_deviation=-15.0)
     whole = framed(name, sampled(t, x + np.asarray(opening)[:, None] * apart))
@@ -98,16 +98,20 @@ def _pinched(
     return replace(whole, events=tuple(replace(task, onset=onset + margin, duration=shut - 2 * margin) for onset in closed_at))
 
 
-def _moved_about(name: str, holds: Sequence[Hold], guess: Array, geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+def _moved_about(
+    name: str, holds: Sequence[Hold], guess: Array, geometry: HandGeometry, rng: np.random.Generator, sway: float
+) -> Performance:
     t = _times(rng.uniform(*TRIAL))
-    return framed(name, sampled(t, _held(holds, guess, geometry, t, rng)))
+    return framed(name, sampled(t, _held(holds, guess, geometry, t, rng, sway)))
 
 
-def _held(holds: Sequence[Hold], guess: Array, geometry: HandGeometry, t: Array, rng: np.random.Generator) -> Array:
-    """Postures (n, 54): the hold closed throughout, the fingers swaying in it, the whole hand moving."""
+def _held(holds: Sequence[Hold], guess: Array, geometry: HandGeometry, t: Array, rng: np.random.Generator, sway: float) -> Array:
+    """Postures (n, 54): the hold closed throughout, the fingers swaying in it (rad), the whole hand moving."""
     x = closed(guess[None], holds, geometry) + moving(t, rng, geometry.hand)
+    if not sway:  # closed as it is, and a hundred times quicker made
+        return np.asarray(x)
     for name in (name for finger in fingers_of(holds) for name, _, _ in freedoms(finger)):
-        x[:, COORDINATES[name]] += SWAY * gently(t) * swaying(t, rng)
+        x[:, COORDINATES[name]] += sway * gently(t) * swaying(t, rng)
     return closed(x, holds, geometry)
 
 

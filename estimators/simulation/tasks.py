@@ -2,7 +2,7 @@
 
 Speeds and extents are those of the protocols: joint rates below 2 rad/s for guided movements (Salchow-Hoemmen 2019, 3.1.3), tapping at 2.5 Hz
 (healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz in the public tapping recordings of ETF Belgrade, own evaluation), repetitions three;
-those of the PowerGlove study and of the repeatability protocol stand in powerglove.py.
+those of the PowerGlove study and of the repeatability protocol stand in powerglove.py, those of other assessments in assessment.py.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,9 +15,10 @@ from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import Event
+from estimators.simulation.assessment import DOWN, RANGES, ROUNDS, TREMORS, TURNING, UP, trembling
 from estimators.simulation.grasp import pinch
 from estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
-from estimators.simulation.powerglove import FAST, MOVEMENTS, POINTING, circles
+from estimators.simulation.powerglove import CIRCLING, FAST, MOVEMENTS, POINTING, RAMP, circles
 
 POSE_THUMB = (
     0.0,
@@ -139,8 +140,8 @@ def open_close(
 
 
 def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
-    """A movement of powerglove.MOVEMENTS; it begins `lead` s after the hand left the relaxed posture."""
-    m = MOVEMENTS[task]
+    """A movement of powerglove.MOVEMENTS or assessment.RANGES; it begins `lead` s after the hand left the relaxed posture."""
+    m = MOVED[task]
     done = _over_and_over(task, posture(flat(), **m.back), posture(flat(), **m.there), m.half, m.move, m.repetitions, lead)
     if m.phases is None:
         return done
@@ -152,9 +153,41 @@ def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Perf
     return Performance(done.motion, (*done.events, *marks))
 
 
-def index_circles(geometry: HandGeometry, lead: float = 1.0, task: str = "powerglove_15_index_circles") -> Performance:
-    """The index finger draws ten circles in the air."""
-    circle = circles(posture(flat(), **POINTING))
+def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
+    """A round of assessment.ROUNDS; it begins `lead` s after the hand left the relaxed posture."""
+    r, back = ROUNDS[task], posture(flat(), **ROUNDS[task].back)
+    points, marks, t = _to(back, lead), [], lead
+    for k in range(r.repetitions):
+        for phase, angles in r.places.items():
+            there = posture(back, **angles)
+            marks.append(Event(t, r.seconds, "annotation", {"task_name": task, "phase": phase, "repetition": k + 1}))
+            points += [(t + r.move, there), (t + r.seconds - r.move, there), (t + r.seconds, back)]
+            t += r.seconds
+    motion = through([*points, (t + 1.0, relaxed())])
+    return Performance(motion, (Event(lead, r.duration, "task", {"task_name": task}), *marks))
+
+
+def pronation_supination(
+    geometry: HandGeometry, duration: float = 15.0, lead: float = 1.0, task: str = "pronation_supination"
+) -> Performance:
+    """The palm turned up and down with the arm held out, as fast and as far as possible."""
+    up, down = (posture(flat(), wrist_z=0.1, forearm_pronation=turn) for turn in (UP, DOWN))
+    return _over_and_over(task, down, up, 0.5 / TURNING, 0.5 / TURNING, int(duration * TURNING + 1e-9), lead)
+
+
+def tremor(geometry: HandGeometry, task: str, duration: float = 30.0, lead: float = 1.0) -> Performance:
+    """A hand that trembles: resting in the lap, or held out."""
+    rate, extents, base = TREMORS[task]
+    held = posture(relaxed() if task == "tremor_rest" else flat(), **base)
+    motion = joined(through(_to(held, lead)), trembling(held, duration, rate, extents), through([(0.0, held), (1.0, relaxed())]))
+    return Performance(motion, (Event(lead, duration, "task", {"task_name": task}),))
+
+
+def index_circles(
+    geometry: HandGeometry, lead: float = 1.0, task: str = "powerglove_15_index_circles", rate: float = CIRCLING
+) -> Performance:
+    """The index finger draws ten circles in the air, `rate` a second."""
+    circle = circles(posture(flat(), **POINTING), rate=rate)
     start = circle.spline(0.0)
     motion = joined(through(_to(start, lead)), circle, through([(0.0, start), (1.0, relaxed())]))
     return Performance(motion, (Event(lead, circle.duration, "task", {"task_name": task}),))
@@ -165,10 +198,10 @@ def rest(geometry: HandGeometry, duration: float = 10.0) -> Performance:
     return Performance(through([(0.0, relaxed()), (duration, relaxed())]), (Event(0.0, duration, "rest", {}),))
 
 
-def wiggle(geometry: HandGeometry) -> Performance:
+def wiggle(geometry: HandGeometry, fingers: tuple[str, ...] = FINGERS) -> Performance:
     """One finger after the other bends: what is asked for when the sensors are checked."""
     points, t = [(0.0, relaxed())], 0.4
-    for f in FINGERS:
+    for f in fingers:
         names = ("thumb_mcp_flexion", "thumb_ip_flexion") if f == "thumb" else (f"{f}_mcp_flexion", f"{f}_pip_flexion", f"{f}_dip_flexion")
         bent = relaxed()
         for name in names:
@@ -178,6 +211,23 @@ def wiggle(geometry: HandGeometry) -> Performance:
     return Performance(through(points), (Event(0.4, points[-1][0] - 0.4, "task", {"task_name": "wiggle"}),))
 
 
+MOVED = {**MOVEMENTS, **RANGES}
+IN_STEP: Mapping[str, Callable[..., Performance]] = {  # begin when the countdown is over, and then keep time with it
+    **{name: partial(there_and_back, task=name) for name in MOVED},
+    **{name: partial(one_after_the_other, task=name) for name in ROUNDS},
+    "powerglove_11_tapping": partial(tapping, duration=30.0, task="powerglove_11_tapping"),
+    "powerglove_12_tapping_wrist": partial(tapping, duration=30.0, wrist=20.0, task="powerglove_12_tapping_wrist"),
+    "powerglove_13_open_close": partial(open_close, duration=30.0, rate=0.5 / FAST, task="powerglove_13_open_close"),
+    "powerglove_15_index_circles": index_circles,
+    "circular_pointing": partial(index_circles, task="circular_pointing", rate=10 / (10.0 - RAMP)),  # ten in 10 s
+}
+TIMED: Mapping[str, Callable[..., Performance]] = {  # go on for as long as they are told
+    "tapping": tapping,
+    "open_close": open_close,
+    "pronation_supination": pronation_supination,
+    **{name: partial(tremor, task=name) for name in TREMORS},
+    "rest": rest,
+}
 TASKS: Mapping[str, Callable[..., Performance]] = {
     "initial_pose": initial_pose,
     "rom": range_of_motion,
@@ -185,15 +235,9 @@ TASKS: Mapping[str, Callable[..., Performance]] = {
     "rom_spread": spread_and_close,
     "rom_thumb": thumb_across_and_away,
     "rom_wrist": wrist_all_ways,
-    "tapping": tapping,
-    "open_close": open_close,
-    "rest": rest,
     "wiggle": wiggle,
-    **{name: partial(there_and_back, task=name) for name in MOVEMENTS},
-    "powerglove_11_tapping": partial(tapping, duration=30.0, task="powerglove_11_tapping"),
-    "powerglove_12_tapping_wrist": partial(tapping, duration=30.0, wrist=20.0, task="powerglove_12_tapping_wrist"),
-    "powerglove_13_open_close": partial(open_close, duration=30.0, rate=0.5 / FAST, task="powerglove_13_open_close"),
-    "powerglove_15_index_circles": index_circles,
+    **TIMED,
+    **IN_STEP,
 }
 
 

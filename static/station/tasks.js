@@ -11,7 +11,13 @@ export function mount(root, api, { station }) {
   const list = h("ol", {});
   const choice = h("div", {});
   const heading = h("h3", {});
-  root.append(heading, choice, list, box.element);
+  const faults = h("div", {});
+  root.append(heading, choice, list, box.element, faults);
+  const drawFaults = whenChanged(
+    ({ wizard, protocol_faults }) => [wizard.state === "tasks", protocol_faults],
+    ([choosing, said]) =>
+      faults.replaceChildren(...(choosing ? said : []).map((text) => h("p", { class: "warning small" }, t("tasks.fault", { text })))),
+  );
   const drawGroups = whenChanged(
     ({ wizard }) => [wizard.groups, wizard.group, wizard.actions.includes("group") && wizard.groups.length > 1],
     ([groups, now, choosing]) => {
@@ -53,7 +59,7 @@ export function mount(root, api, { station }) {
     return h("li", { "aria-current": current && "true" }, button);
   }
 
-  const leave = [station.on("full", drawGroups), station.on("full", draw)];
+  const leave = [station.on("full", drawGroups), station.on("full", drawFaults), station.on("full", draw)];
   return () => leave.forEach((stop) => stop());
 }
 

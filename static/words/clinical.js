@@ -1,6 +1,8 @@
 /** Clinical words for what is measured: a direction in words, never a bare plus or minus. Degrees come in, text goes out. */
 import { known, t } from "./words.js";
 
+const PLAIN = { aperture: (value) => `${value} mm`, palm_turn: (value) => `${value}°` }; // curves that are no joint's angle
+
 /** "index_pip" as { finger: "Index finger", joint: "PIP" }. */
 export function jointWords(joint) {
   const [finger, name = ""] = joint.split("_");
@@ -32,7 +34,7 @@ export function directionWords(joint, angle, positive) {
 
 /** The name of a curve: "aperture" or an angle such as index_pip_flexion. */
 export function curveWords(what) {
-  if (what === "aperture") return t("curve.aperture");
+  if (PLAIN[what]) return t(`curve.${what}`);
   const { joint, angle } = partsOf(what);
   const words = jointWords(joint);
   return t("curve.angle", { ...words, motion: motionWords(joint, angle) }).replace("  ", " ");
@@ -54,7 +56,7 @@ export function motionWords(joint, angle) {
 
 /** A value on a curve's axis: "40 mm", "90°", "10° ext.". */
 export function valueWords(what, value) {
-  if (what === "aperture") return `${Math.round(value)} mm`;
+  if (PLAIN[what]) return PLAIN[what](Math.round(value));
   const { joint, angle } = partsOf(what);
   return angleWords(joint, angle, value);
 }

@@ -1,5 +1,6 @@
 """The whole journey with a virtual glove: patient, session, calibration, tasks, numbers, report."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -60,7 +61,7 @@ def _perform(page: Page, task: str, name: str) -> None:
     keep_picture(page, f"station-{task}")
     shown(act(page, "accept"))
     act(page, "accept").click()
-    expect(page.locator(f'[data-task="{task}"]')).to_contain_text("done")
+    expect(page.locator(f'[data-task="{task}"]')).to_contain_text(re.compile("done|1 of 3"))
 
 
 def _skip(page: Page, task: str, reason: str) -> None:

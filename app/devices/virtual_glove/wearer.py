@@ -1,24 +1,34 @@
 """Where a virtual glove's samples come from: a simulated person who does what the cue says, or a recording played back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
+from estimators.hand_anatomy import FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Event, Stream
-from estimators.simulation import functional, kinematics, sensors, tasks
+from estimators.simulation import functional, held, kinematics, sensors, tasks
 from estimators.simulation.motion import Motion, after, shifted, through
 from estimators.simulation.sensors import SensorErrors
+from estimators.simulation.tasks import Performance
 from sessions.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
-IN_STEP = ("powerglove_", "repeatability_")  # tasks that begin when the countdown is over, and then keep time with it
+FRAME = 1.5  # s from the relaxed posture into what is held
+HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
+    "selfcheck_p1": held.spacer_thumb_index,
+    "selfcheck_p2": held.spacer_index_middle,
+    "selfcheck_p3": partial(held.pinch_twice, shut=10.0),  # as its protocol beats
+    "selfcheck_p4": held.block,
+    "pinches": held.pinches,
+}
+UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD})
 
 
 class Wearer(Protocol):
@@ -64,7 +74,7 @@ class SimulatedPerson:
         return Block(stream, t, values if stream.inertial else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan))
 
     def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
-        if task not in tasks.TASKS and task not in functional.STEPS:
+        if task not in UNDERSTOOD:
             return False
         motion, begins = _performance(task, details, self.geometry, self.rng)
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
@@ -73,6 +83,10 @@ class SimulatedPerson:
 
     def marks(self, start: float, stop: float) -> list[Event]:
         return []
+
+    def doing(self, t: Array) -> Array:
+        """The coordinates (n, 54) that the person goes through at t (n,), as told so far."""
+        return self._motion.at(t)[0]
 
     def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:
         """All sensors' readings at the instants k / rate in [start, stop); streams of one rate share them."""
@@ -157,10 +171,14 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, 
         return motion, max(BRIDGE, float(details.get("lead", 0.0)) - functional.LEAD)
     if task == "initial_pose":
         return tasks.initial_pose(geometry, HOLD).motion, BRIDGE
-    if task in ("tapping", "open_close", "rest") and "duration" in details:
-        return tasks.TASKS[task](geometry, duration=float(details["duration"])).motion, BRIDGE
-    if task.startswith(IN_STEP) and "lead" in details:
-        return tasks.TASKS[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion, BRIDGE
+    if task in HELD:
+        return HELD[task](geometry, rng, 0.0).motion, max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
+    if task == "wiggle" and details.get("finger") in FINGERS:
+        return tasks.wiggle(geometry, (details["finger"],)).motion, BRIDGE
+    if task in tasks.TIMED and "duration" in details:
+        return tasks.TIMED[task](geometry, duration=float(details["duration"])).motion, BRIDGE
+    if task in tasks.IN_STEP and "lead" in details:
+        return tasks.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion, BRIDGE
     return tasks.TASKS[task](geometry).motion, BRIDGE
 
 

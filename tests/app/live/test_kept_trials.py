@@ -53,8 +53,20 @@ def test_a_trial_that_was_not_accepted_leaves_no_phases(
 
 def test_a_task_of_one_trial_has_no_number(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     events = kept(station, monkeypatch)
-    reviewed(station, "tapping", Act.ACCEPT, onset=10.0, end=25.0)
-    assert [e.details for e in events] == [{"task_name": "tapping", "outcome": "accepted"}]
+    reviewed(station, "rom_fist", Act.ACCEPT, onset=10.0, end=25.0)
+    assert [e.details for e in events] == [{"task_name": "rom_fist", "outcome": "accepted"}]
+
+
+def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_in_the_event(
+    station: Station,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    events = kept(station, monkeypatch)
+    reviewed(station, "prom_fist", Act.ACCEPT, onset=10.0, end=25.0)
+    reviewed(station, "selfcheck_p4", Act.ACCEPT, onset=30.0, end=55.0)
+    passive, block = (e.details for e in events)
+    assert passive == {"task_name": "prom_fist", "outcome": "accepted", "mode": "passive"}
+    assert (block["distances_mm"], len(block["contacts"].split())) == ("53 46 25", 3)
 
 
 def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

@@ -7,37 +7,59 @@ import numpy as np
 import pytest
 
 import app.protocols
-from app.cli import main
-from app.devices.virtual_glove.wearer import BRIDGE, IN_STEP
+from app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
+from app.live.curve import palm_turn
 from app.live.ghost import angles_of
 from app.live.telling import LEAST
-from app.protocols import Protocol, groups, load_all, protocol_of
+from app.protocols import TURN, Protocol, groups, load_all, protocol_of, read
+from app.server import create_app
+from app.settings import Settings
 from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, LIMITS
+from estimators.hand_anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from estimators.hand_geometry import sized
 from estimators.measures import MEASURES, repetitions
-from estimators.simulation import tasks
+from estimators.simulation import kinematics, tasks
+from estimators.simulation.assessment import RANGES
+from estimators.simulation.grasp import Hold, between
 from estimators.simulation.motion import COORDINATES
+from estimators.simulation.sensors import IDEAL
 
 GOOD = {"name": "x", "title": "X", "instruction": "Do x.", "group": "g", "duration": 5.0, "curve": "aperture", "order": 1}
 PACED = {"duration": None, "cycle": [{"say": "Bend", "seconds": 1.0}], "repetitions": 2}
 ALL = load_all()
+GROUPS = [
+    "range_of_motion",
+    "tapping",
+    "range_of_motion_joints",
+    "range_of_motion_passive",
+    "opposition",
+    "repeated_movements",
+    "independence",
+    "pinch",
+    "selfcheck",
+    "tremor",
+    "reach",
+    "powerglove",
+    "repeatability",
+]
 POWERGLOVE = [p for p in ALL.values() if p.group == "powerglove"]
-IN_TIME = [p for p in ALL.values() if p.cue.startswith(IN_STEP)]
+IN_TIME = [p for p in ALL.values() if p.cue in tasks.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
-    assert len(ALL) == len(list(Path(app.protocols.__file__).parent.glob("*.json"))) >= 22
+    assert len(ALL) == len(list(Path(app.protocols.__file__).parent.glob("*.json"))) == 58
+    assert read()[1] == []
     assert len({p.order for p in ALL.values()}) == len({p.title for p in ALL.values()}) == len(ALL)
     for p in ALL.values():
         assert p.title
         assert p.instruction.endswith(".")
-        assert p.cue in tasks.TASKS
+        assert p.cue in UNDERSTOOD
+        assert p.ghost
 
 
 def test_the_usual_assessment_is_what_it_was_and_comes_first() -> None:
     assert [p.name for p in ALL.values() if p.routine] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
-    assert groups(ALL.values()) == ["range_of_motion", "tapping", "powerglove", "repeatability"]
+    assert groups(ALL.values()) == GROUPS
 
 
 def test_the_15_tasks_have_pace_repetitions_trials_and_times_of_table_3_1() -> None:
@@ -70,14 +92,14 @@ def test_the_virtual_patient_begins_with_the_task_and_does_what_its_file_asks_fo
     lead = p.countdown - BRIDGE
     performance = tasks.TASKS[p.cue](sized("left"), lead=lead)
     event = performance.events[0]
-    assert (event.trial_type, event.details["task_name"], event.onset) == ("task", p.name, lead)
+    assert (event.trial_type, event.details["task_name"], event.onset) == ("task", p.cue, lead)
     assert p.length is None or event.duration == pytest.approx(p.length, abs=1e-6)
     waiting = performance.motion.at(np.linspace(1.0, lead, 50))[0]
     np.testing.assert_allclose(waiting, waiting[[0]].repeat(50, axis=0), atol=1e-9)
     assert [(e.onset, e.details["phase"]) for e in performance.events[1:]] == [
         (pytest.approx(start), phase.mark) for start, phase, _ in p.marks(lead, event.end)
     ]
-    if p.repetitions:
+    if p.repetitions and p.repetitions > 1 and p.curve in COORDINATES:
         t = np.arange(event.onset, event.end, 1 / 60)
         curve = np.degrees(performance.motion.at(t)[0][:, COORDINATES[p.curve]])
         assert repetitions.count(curve, LEAST) == p.repetitions
@@ -86,7 +108,7 @@ def test_the_virtual_patient_begins_with_the_task_and_does_what_its_file_asks_fo
 def test_ghosts_stay_within_what_joints_permit() -> None:
     for p in ALL.values():
         for pose in p.ghost:
-            angles = angles_of(pose)
+            angles = angles_of({name: value for name, value in pose.items() if name != TURN})
             assert (angles[~IS_DOF] == 0).all()
             assert ((angles >= LIMITS[..., 0] - 1e-9) & (angles <= LIMITS[..., 1] + 1e-9))[IS_DOF].all(), p.name
             assert angles[JOINT["index_pip"], 0] >= 0
@@ -101,7 +123,7 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"curve": "elbow_flexion"}, r"curve is 'elbow_flexion'; it is aperture or a joint angle such as index_pip_flexion$"),
+        ({"curve": "elbow_flexion"}, r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$"),
         ({"needs": ["toe"]}, r"needs names 'toe', which is no segment; segments are forearm, hand, .*little_distal$"),
         (
             {"ghost": [{}, {"index_pip_twist": 4}]},
@@ -145,20 +167,59 @@ def test_an_incomplete_or_broken_file_is_named() -> None:
 
 def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.json").write_bytes(b"\xff\xfe{")
-    with pytest.raises(InputError, match=r"protocol x\.json is not text in UTF-8; save it as UTF-8"):
-        load_all(tmp_path)
+    assert read(tmp_path) == ({}, ["protocol x.json is not text in UTF-8; save it as UTF-8"])
 
 
-def test_the_server_does_not_start_with_a_faulty_file_and_says_why_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_faulty_file_is_left_out_and_does_not_stop_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = tmp_path / "protocols"
     folder.mkdir()
     (folder / "x.json").write_text(json.dumps({**GOOD, "countdown": -3}))
+    (folder / "y.json").write_text(json.dumps({**GOOD, "name": "y"}))
+    fault = "protocol x.json: countdown is -3; it should be greater than or equal to 0"
+    found, faults = read(folder)
+    assert (list(found), faults) == (["y"], [fault])
     monkeypatch.setattr(app.protocols, "files", lambda package: folder)
-    assert main(["serve", "--port", "0", "--data", str(tmp_path / "data")]) == 2
-    said = capsys.readouterr().err
-    assert said == "handscope serve: protocol x.json: countdown is -3; it should be greater than or equal to 0\n"
+    create_app(Settings(data=tmp_path / "data"))
+    assert [r.getMessage() for r in caplog.records if "protocol" in r.getMessage()] == [
+        f"{fault}. This task is not offered, the others are."
+    ]
+
+
+@pytest.mark.parametrize("mode", ["active", "passive"])
+def test_every_joint_is_taken_to_both_ends_three_times_by_patient_and_therapist(mode: str) -> None:
+    found = {p.name.removeprefix("p"): p for p in ALL.values() if p.group == f"range_of_motion_{'joints' if mode == 'active' else mode}"}
+    assert {p.mode for p in found.values()} == {mode}
+    assert set(found) - {"rom_fist"} == set(RANGES) - {"reach"}
+    moved = {angle for p in found.values() for g in p.ghost for angle in g if len({h.get(angle, 0.0) for h in p.ghost}) > 1}
+    assert {name for name in DOF_NAMES if name.endswith("flexion")} <= moved
+    for name, p in found.items():
+        assert p.repetitions == 3
+        assert tuple(phase.mark for phase in p.cycle) == (RANGES[name].phases if name in RANGES else ())
+
+
+def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures() -> None:
+    geometry = sized("left")
+    for task, p in ((p.name, p) for p in ALL.values() if p.group == "selfcheck"):
+        assert p.length is not None
+        streams = layout(FINGERS, 100.0)
+        person = SimulatedPerson("left", geometry, streams, np.random.default_rng(2), IDEAL)
+        assert person.cue(task, {"lead": f"{p.countdown:g}"}, 2.0)
+        t = 2.0 + p.countdown + np.arange(0.2, 9.5 if p.cycle else 19.0, 0.5)  # the virtual patient holds it at least so long
+        x = person.doing(t)
+        for contact, distance in zip(p.details["contacts"].split(), p.details["distances_mm"].split()):
+            (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
+            apart = np.linalg.norm(between(x, Hold(a, b, 0.0), geometry), axis=1)
+            np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
+
+
+def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:
+    for hand in HANDS:
+        person = tasks.TASKS["rom_forearm"](sized(hand))
+        t = np.array([1.0, 3.4])
+        k = kinematics.truth(kinematics.of_motion(person.motion, sized(hand), t), hand)
+        np.testing.assert_allclose(palm_turn(k), [0.0, 150.0], atol=1e-6)
 
 
 def test_the_example_in_the_docs_is_a_task() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from app.live import wizard
 from app.live.wizard import BY_PERSON, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
-from app.protocols import load_all, load_steps
+from app.protocols import groups, load_all, load_steps
 from estimators.hand_anatomy import SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
@@ -60,7 +60,7 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     assert (w.state, kinds(orders)) == (State.TASK_REVIEW, [("cue", "rest")])
     w, orders = wizard.act(w, Act.ACCEPT, facts)
     assert [(o.kind, o.task, o.end - o.onset, o.reason) for o in orders] == [("keep_attempt", "tapping", pytest.approx(15.0), "accepted")]
-    assert w.outcome("tapping") == "accepted"
+    assert (w.outcome("tapping"), w.accepted("tapping")) == ("", 1)  # of three trials
     w, orders = wizard.act(w, Act.FINISH, facts)
     assert (w.state, kinds(orders)) == (State.FINISHED, [("finish", "")])
 
@@ -121,7 +121,7 @@ def test_only_tasks_whose_segments_are_measured_are_offered() -> None:
 def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
     w = at(State.TASKS)
     assert [p.name for p in w.listed(READY)] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
-    assert list(w.groups(READY)) == ["routine", "range_of_motion", "tapping", "powerglove", "repeatability"]
+    assert list(w.groups(READY)) == ["routine", *groups(PROTOCOLS)]
     w, orders = wizard.act(w, Act.GROUP, READY, group="powerglove")
     assert (w.state, list(orders), len(w.listed(READY))) == (State.TASKS, [], 15)
     with pytest.raises(NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"):
@@ -130,7 +130,8 @@ def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
 
 def test_a_group_of_which_nothing_is_measured_is_not_offered() -> None:
     facts = replace(READY, measured=frozenset(s for s in SEGMENTS if not s.startswith(("index", "middle"))))
-    assert list(at(State.TASKS).groups(facts)) == ["routine", "range_of_motion", "repeatability"]
+    assert not {"powerglove", "tapping", "pinch"} & set(at(State.TASKS).groups(facts))
+    assert {"routine", "range_of_motion", "opposition", "repeatability"} <= set(at(State.TASKS).groups(facts))
     assert at(State.TASKS, group="powerglove").listed(facts) == at(State.TASKS).offered(facts)
 
 
@@ -153,7 +154,7 @@ def test_trials_that_were_accepted_stay_when_the_rest_is_skipped() -> None:
 
 
 def test_a_task_of_one_trial_offers_no_next_one() -> None:
-    assert Act.AGAIN not in at(State.TASK_REVIEW, task="tapping").allowed(READY)
+    assert Act.AGAIN not in at(State.TASK_REVIEW, task="rom_fist").allowed(READY)
 
 
 def test_the_rest_between_trials_is_counted_from_the_end_of_the_last_and_holds_nobody_up() -> None:

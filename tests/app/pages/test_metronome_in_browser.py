@@ -257,7 +257,7 @@ def test_a_task_at_free_speed_counts_what_is_seen_and_needs_no_metronome(page: P
     expect(page.locator(".sound")).to_be_hidden()
 
 
-@pytest.mark.parametrize("task", ["rom_fist", "tapping", "powerglove_13_open_close"])
+@pytest.mark.parametrize("task", ["rom_wrist", "tapping", "powerglove_13_open_close"])
 def test_other_tasks_have_none(page: Page, task: str) -> None:
     session = Session(page, at(State.TASK_READY, task=task))
     session.passes(0.2)

@@ -13,7 +13,7 @@ from estimators.simulation.motion import COORDINATES, posture
 from tests.simulated import DEG
 
 every_task = pytest.mark.parametrize("name", tasks.TASKS)
-IN_TIME = [name for name in tasks.TASKS if name.startswith(("powerglove", "repeatability"))]  # their pace is given
+IN_TIME = [name for name in tasks.TASKS if name.startswith(("powerglove", "repeatability", "circular"))]  # their pace is given
 GUIDED = [name for name in tasks.TASKS if name not in ("tapping", "open_close", *IN_TIME)]
 
 
