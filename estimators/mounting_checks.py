@@ -6,10 +6,12 @@ Source  gravity in the pose and the axis of a hinge in flexion are what Salchow-
 Limits  turned: with the palm level gravity does not show a turn about the vertical, only the flexions do; with the palm upright a turn about the
         flexion axis is seen by neither. The hand's own sensor is judged against the fingers': with fewer than three other sensors nothing is said.
         exchanged: thumb and finger by gravity where the pose spreads the thumb, fingers among each other only by what they were told to do: the order of
-        `wiggle`, the index in `tapping`. In a free recording two fingers' strips exchanged look like two fingers that moved so.
+        `wiggle`, the one finger that a task is named after, the index in `tapping`. In a free recording two fingers' strips exchanged look like two
+        fingers that moved so.
 """
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,6 +32,7 @@ BENDS = 0.5  # rad/s
 FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
 PLANAR = 0.8  # share of the principal axis
+MOVES = 1.0  # rad/s, root mean square of a finger that is told to move
 APART = 0.5  # s between two fingers of a wiggle
 REMOUNT = "mount it as drawn"
 
@@ -56,13 +59,13 @@ class _Worn:
 
 def check(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, events: Sequence[Event]) -> list[Finding]:
     """What is turned and what is exchanged."""
-    told = [min((e for e in events if e.details.get("task_name") == task), key=lambda e: e.onset, default=None) for task in TOLD]
-    until = max([pose.end + FIRST, *(e.end for e in told if e is not None)])
+    told = _told(events)
+    until = max([pose.end + FIRST, *(e.end for e in told)])
     worn = _worn(blocks, mounting, pose, until)
     if len(worn) < 4 or "hand" not in worn:
         return []
     up = _agreed({n: w.up_on_hand() for n, w in worn.items() if n not in CHAINS["thumb"]})
-    exchanged = _thumb_exchanged(worn, up) or _finger_exchanged(worn, [e for e in told if e is not None])
+    exchanged = _thumb_exchanged(worn, up) or _finger_exchanged(worn, told)
     spoken = {f.sensor for f in exchanged if f.severity == "fault"}
     return exchanged + [f for n, w in worn.items() if n not in spoken for f in [_turned(n, w, worn, up)] if f is not None]
 
@@ -118,9 +121,31 @@ def _pair(one: str, other: str, why: str, worn: Mapping[str, _Worn]) -> list[Fin
 def _finger_exchanged(worn: Mapping[str, _Worn], events: Sequence[Event]) -> list[Finding]:
     """By what the fingers were told to do."""
     for event in events:
-        if found := TOLD[event.details["task_name"]](worn, event):
+        if found := _against_wiggle(worn, event) if _task(event) == "wiggle" else _against_one_finger(worn, event, str(_finger(event))):
             return found
     return []
+
+
+def _told(events: Sequence[Event]) -> list[Event]:
+    """The first of each task that says which finger moves."""
+    first: dict[str, Event] = {}
+    for event in sorted(events, key=lambda e: e.onset):
+        if _task(event) == "wiggle" or _finger(event):
+            first.setdefault(_task(event), event)
+    return list(first.values())
+
+
+def _task(event: Event) -> str:
+    return str(event.details.get("task_name", ""))
+
+
+def _finger(event: Event) -> str | None:
+    """The one finger that a task is named after; tapping is the index's. The thumb's strip is told by gravity."""
+    words = re.split("[^a-z]+", _task(event).lower())
+    named = [f for f in FINGERS if f in words]
+    if not named and "tapping" in words:
+        return "index"
+    return named[0] if len(named) == 1 and named[0] != "thumb" else None
 
 
 def _against_wiggle(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
@@ -162,20 +187,17 @@ def _bending(worn: Mapping[str, _Worn], finger: str) -> tuple[Array, Array] | No
     return worn[first].t, np.abs(worn[last].size - worn[first].size)
 
 
-def _against_tapping(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
-    """The index taps: another finger that moves three times as much has its strip."""
+def _against_one_finger(worn: Mapping[str, _Worn], event: Event, finger: str) -> list[Finding]:
+    """One finger moves: another that moves three times as much has its strip."""
     moved = {}
-    for finger in FINGERS[1:]:
-        w = worn.get(CHAINS[finger][-1])
+    for other in FINGERS[1:]:
+        w = worn.get(CHAINS[other][-1])
         if w is not None and (inside := (w.t >= event.onset) & (w.t < event.end)).sum() > 50:
-            moved[finger] = float(np.sqrt(np.mean(w.size[inside] ** 2)))
-    most = max(moved, key=lambda f: moved[f], default="index")
-    if "index" not in moved or most == "index" or moved[most] < max(3 * moved["index"], 1.0):
+            moved[other] = float(np.sqrt(np.mean(w.size[inside] ** 2)))
+    most = max(moved, key=lambda f: moved[f], default=finger)
+    if finger not in moved or most == finger or moved[most] < max(3 * moved[finger], MOVES):
         return []
-    return _pair("index", most, f"in tapping the {most} finger's strip moved and the index's did not", worn)
-
-
-TOLD = {"wiggle": _against_wiggle, "tapping": _against_tapping}  # tasks that say which finger moves
+    return _pair(finger, most, f"in {_task(event)} the {most} finger's strip moved and the {finger} finger's did not", worn)
 
 
 def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Finding | None:

@@ -130,6 +130,15 @@ def test_another_fingers_strip_that_taps_is_the_indexs() -> None:
     assert {f.sensor for f in findings} == {*CHAINS["index"], *CHAINS["ring"]}
 
 
+@pytest.mark.parametrize(
+    ("task", "one", "other"), [("powerglove_10_index_fast", "index", "middle"), ("powerglove_06_middle_all", "middle", "little")]
+)
+def test_another_fingers_strip_that_moves_is_that_of_the_finger_the_task_is_named_after(task: str, one: str, other: str) -> None:
+    findings = found(exchanged(made(task, seed=2), one, other))
+    assert {f.sensor for f in findings} == {*CHAINS[one], *CHAINS[other]}
+    assert found(made(task, seed=2)) == []
+
+
 def test_two_fingers_exchanged_in_a_fist_are_not_seen() -> None:
     """A limit that the module's header names."""
     assert found(exchanged(made("rom_fist"), "index", "ring")) == []
