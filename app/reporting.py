@@ -8,9 +8,8 @@ from app.options import with_options
 from app.protocols import load_all
 from app.report.changes import Changes, changes
 from app.report.content import Content, Visit, content
-from app.results import computed
+from app.results import assessed, computed
 from app.version import software_version
-from estimators.measures.assessment import assess
 from estimators.methods import METHODS
 from sessions import records, repeatability
 from sessions.store import Store
@@ -37,6 +36,6 @@ def report(store: Store, result: Result) -> Content:
         affected=cast(Literal["left", "right", "both"] | None, patient.affected_hand),
         notes=session.notes,
     )
-    tasks = assess(processed.trajectory, recording.events)
+    tasks = assessed(result.method, recording, processed)
     params = with_options(METHODS[result.method].Params, result.parameters)
     return content(visit, recording, processed, result.method, params, tasks, software_version(), load_all(), changes_of(result))

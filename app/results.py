@@ -14,10 +14,13 @@ from sqlalchemy.orm import Session
 from app.options import with_options
 from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENT
+from estimators.measures.accuracy import accuracy_of
 from estimators.measures.assessment import TaskResult, assess
+from estimators.measures.shown import Shown, thinned
 from estimators.measures.tapping import Tapping
 from estimators.methods import METHODS
 from estimators.processing import Processed, process
+from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 from sessions import corrections, derivative, records
 from sessions.number_table import Data
@@ -29,6 +32,7 @@ from sessions.trajectory_table import measured_segments
 from sessions.writing import save_file
 
 REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves
+CURVE_POINTS = 1500  # of a measure's curve at most: finer than a screen
 
 
 def make(store: Store, result_id: int) -> None:
@@ -42,7 +46,7 @@ def make(store: Store, result_id: int) -> None:
             result.state, result.error = "failed", str(mistake)
             db.commit()
             return
-        tasks = assess(processed.trajectory, recording.events)
+        tasks = assessed(result.method, recording, processed)
         save_replay(store, result_id, processed.trajectory)
         result.figures = [row for t in tasks for row in figure_rows(t)]
         result.content = page_content(processed, tasks, recording)
@@ -60,6 +64,11 @@ def computed(store: Store, result: Result, progress: Callable[[float], None] = l
     return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress)
 
 
+def assessed(method: str, recording: LoadedRecording, processed: Processed) -> list[TaskResult]:
+    """What the measures say of what a method made of a recording."""
+    return assess(processed.trajectory, recording.events, recording.geometry, accuracy_of(method, processed.calibrations))
+
+
 def derivative_files(store: Store, result: Result) -> dict[str, Data]:
     """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
     recording, processed = computed(store, result)
@@ -68,12 +77,12 @@ def derivative_files(store: Store, result: Result) -> dict[str, Data]:
 
 
 def figure_rows(t: TaskResult) -> list[dict[str, Any]]:
-    """The figures of a task as plain data; NaN becomes None."""
+    """The figures of a task as plain data, in the order of the measure; NaN becomes None."""
     rows = []
     for f in t.figures:
         row = asdict(f)
         row["value"] = None if not np.isfinite(f.value) else f.value
-        rows.append({"task": t.task, "measure": t.measure, **row})
+        rows.append({"task": t.task, "measure": t.measure, "onset": t.onset, **row, "sd_basis": t.sd_basis if f.sd is not None else ""})
     return rows
 
 
@@ -116,13 +125,25 @@ def load_replay(store: Store, result: Result) -> dict[str, Any]:
 
 
 def _task(t: TaskResult) -> dict[str, Any]:
-    told: dict[str, Any] = {"task": t.task, "measure": t.measure, "onset": t.onset, "end": t.end}
+    """What pages draw of a task: `shown` of every measure alike; ranges and taps, too, in the shape of their own pages."""
+    told: dict[str, Any] = {"task": t.task, "measure": t.measure, "onset": t.onset, "end": t.end, "shown": _shown(t.shown)}
     if isinstance(t.details, Tapping):
         d = t.details
         told |= {"closings": d.closings.tolist(), "amplitudes": d.amplitudes.tolist(), "grade": d.grade, "reason": d.reason}
-    else:
+    elif t.measure == "range_of_motion":
         told["ranges"] = [asdict(r) for r in t.details]
     return told
+
+
+def _shown(shown: Shown) -> dict[str, Any]:
+    """Curves, thinned, and marks as plain data; NaN becomes None."""
+    curves = [thinned(c, CURVE_POINTS) for c in shown.curves]
+    told = [{"name": c.name, "unit": c.unit, "x_unit": c.x_unit, "x": _plain(c.x, 5), "y": _plain(c.y, 6)} for c in curves]
+    return {"curves": told, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
+
+
+def _plain(values: Array, digits: int) -> list[float | None]:
+    return [round(float(v), digits) if np.isfinite(v) else None for v in values]
 
 
 def _progress(db: Session, result: Result, share: float) -> None:

@@ -11,6 +11,7 @@ from app.report.change_words import row_words, tapping_words
 from app.report.changes import Changes
 from app.report.content import Task, asked
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
+from app.report.tapping_section import DECIMALS as TAPPING_ROWS
 from app.report.units import DEG, reading
 from estimators.measures.assessment import TaskResult
 from estimators.measures.figure import Figure
@@ -95,8 +96,8 @@ def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | 
 def _tapping(
     told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
 ) -> list[dict[str, Any]]:
-    """Trials in order of time; the kept figures are in the same order, as many a trial."""
-    rows = [f for f in figures if f["measure"] == "tapping"]
+    """Trials in order of time; the kept figures are in the same order, as many a trial; those that have a row of their own."""
+    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_ROWS]
     each = len(rows) // len(told) if told else 0
     trials = []
     for k, t in enumerate(told):

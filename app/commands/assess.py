@@ -20,6 +20,7 @@ from app.protocols import load_all
 from app.report import FORMS, PAPERS, Style
 from app.version import software_version
 from estimators.errors import InputError
+from estimators.measures.accuracy import accuracy_of
 from estimators.measures.assessment import assess
 from sessions.writing import save_file, save_folder
 
@@ -44,7 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
         require_file(arguments.report, arguments.out)
     method, params = method_of(arguments)
     recording, processed = processed_by(method, params, arguments)
-    tasks = assess(processed.trajectory, recording.events)
+    accuracy = accuracy_of(arguments.method, processed.calibrations)
+    tasks = assess(processed.trajectory, recording.events, recording.geometry, accuracy)
     visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
     style = Style(language(arguments.language), arguments.paper)
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())

@@ -56,9 +56,9 @@ def tapping_changes(found: Changes, tasks: Sequence[Task], language: Language) -
     """The same of the means over the trials of tapping."""
     names = {t.result.task for t in tasks}
     said = [
-        _Said("", language.known(f"figure.{c.name}", c.name.replace("_", " ")), c, *_which(c, 1, language, LEVEL))
+        _Said("", language.say(f"figure.{c.name}"), c, *_which(c, 1, language, LEVEL))
         for c in found.each
-        if c.measure == "tapping" and c.task in names
+        if c.measure == "tapping" and c.task in names and language.known(f"figure.{c.name}", "")
     ]
     told = found.sources("range_of_motion")
     return _paragraph(found, said, [sentence for sentence in found.sources("tapping") if sentence not in told], language)

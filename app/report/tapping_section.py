@@ -39,7 +39,8 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
     trials: list[Tapping] = [t.result.details for t in tasks]
     shown = next((k for k, trial in enumerate(trials) if trial.count), None)
     many = total > 1
-    named = {f.name: f for f in tasks[0].result.figures}
+    every = {f.name: f for f in tasks[0].result.figures}
+    named = {name: every[name] for name in DECIMALS if name in every}
     width = CHART[0] - TRIAL_WIDTH * (len(trials) - 1)
     return {
         "title": say("tapping.title"),

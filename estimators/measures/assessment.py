@@ -1,11 +1,15 @@
 """All measures of a recording: what each task gives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from estimators.hand_geometry import HandGeometry
 from estimators.measures import MEASURES
+from estimators.measures.accuracy import DEFAULT, Accuracy, with_sd
+from estimators.measures.asked import Asked, asked_of
 from estimators.measures.figure import Figure
+from estimators.measures.shown import NOTHING, Shown
 from estimators.samples import Event
 from estimators.trajectory import Trajectory
 
@@ -20,10 +24,18 @@ class TaskResult:
     end: float  # s
     details: Any  # what the measure's `measure` gave
     figures: tuple[Figure, ...]
+    shown: Shown = NOTHING  # what to draw of it
+    sd_basis: str = ""  # where the figures' standard deviations come from
 
 
-def assess(trajectory: Trajectory, events: Sequence[Event]) -> list[TaskResult]:
-    """Apply every measure to every task that it applies to; without any task, to the whole recording.
+def assess(
+    trajectory: Trajectory,
+    events: Sequence[Event],
+    geometry: HandGeometry | None = None,
+    accuracy: Accuracy = DEFAULT,
+    options: Mapping[str, Any] | None = None,
+) -> list[TaskResult]:
+    """Apply every measure to every task that it applies to; without any task, to the whole recording. `options` are Params by measure.
 
     A task with the detail `excluded` is left out, and of a task the stretches (start, stop) s in its detail `left_out`.
     """
@@ -31,11 +43,23 @@ def assess(trajectory: Trajectory, events: Sequence[Event]) -> list[TaskResult]:
     tasks = [e for e in told if not e.details.get("excluded")]
     if not told and len(trajectory):
         tasks = [Event(float(trajectory.t[0]), float(trajectory.t[-1] - trajectory.t[0]), "task", {"task_name": "whole recording"})]
+    known, basis = with_sd(trajectory, accuracy)
     results = []
     for event in tasks:
-        task, counted = str(event.details.get("task_name", "task")), trajectory.without(event.details.get("left_out", ()))
-        for name, module in MEASURES.items():
-            if module.applies(task):
-                details = module.measure(module.Params(), counted, event.onset, event.end)
-                results.append(TaskResult(task, name, event.onset, event.end, details, tuple(module.figures(details))))
+        asked, counted = asked_of(event, events), known.without(event.details.get("left_out", ()))
+        for name in measures_of(asked):
+            module = MEASURES[name]
+            params = (options or {}).get(name) or module.Params()
+            details = module.measure(params, counted, event.onset, event.end, geometry, asked)
+            figures = tuple(module.figures(details))
+            results.append(TaskResult(asked.task, name, event.onset, event.end, details, figures, module.shown(details), basis))
     return results
+
+
+def measures_of(asked: Asked) -> list[str]:
+    """The measures that the event's `measures` name (a list, or words); without that, those that apply to a task of that name."""
+    named = asked.details.get("measures")
+    if named is None:
+        return [name for name, module in MEASURES.items() if module.applies(asked.task)]
+    wanted = named.replace(",", " ").split() if isinstance(named, str) else [str(n) for n in named]
+    return [name for name in MEASURES if name in wanted]

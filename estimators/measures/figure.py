@@ -1,5 +1,6 @@
 """One number that a clinician reads, with what is needed to trust it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from estimators.trajectory import FLAG_WORDS
 
 Grade = Literal["good", "fair", "poor"]
+GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
 USABLE = 0.20  # and up to which as fair
 
@@ -17,13 +19,44 @@ USABLE = 0.20  # and up to which as fair
 class Figure:
     """A measured value in SI units; NaN where it could not be measured, `reason` says why or what it rests on."""
 
-    name: str  # e.g. index_mcp_flexion_max
+    name: str  # e.g. index_mcp_flexion_max: `part` and `what`; unique within a task's measure
     value: float
     unit: str  # rad, m, s, Hz, 1, ...
     source: str  # definition: a paper, or ours
-    sd: float | None = None
+    sd: float | None = None  # of the value's error: instrument and calibration, and sampling where it sums up repetitions; None: not known
     grade: Grade = "good"
     reason: str = ""
+    part: str = ""  # finger, joint or pair of fingers that it is about, "" = the whole task
+    what: str = ""  # key of its words: flexion_max, tapping_rate, ...
+    meaning: str = ""  # the definition in one sentence
+    category: str = ""  # what the scheme that `source` names calls such a value: "good"; "" without a scheme
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all figures of one kind have in common, declared once by its measure."""
+
+    what: str
+    unit: str
+    meaning: str
+    source: str
+
+    def of(
+        self, value: float, sd: float | None = None, grade: Grade = "good", reason: str = "", part: str = "", category: str = ""
+    ) -> Figure:
+        """A figure of this kind; what is not measured has no standard deviation, and its grade is poor."""
+        if not np.isfinite(value):
+            sd, grade, category = None, "poor", ""
+        known = None if sd is None or not np.isfinite(sd) else float(sd)
+        name = f"{part}_{self.what}" if part else self.what
+        return Figure(name, float(value), self.unit, self.source, known, grade, reason, part, self.what, self.meaning, category)
+
+
+def kinds(*each: Kind) -> Mapping[str, Kind]:
+    """Kinds by their key."""
+    found = {k.what: k for k in each}
+    assert len(found) == len(each), "two kinds of figures with one key"
+    return found
 
 
 def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
@@ -40,3 +73,8 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     share, words = max(found)
     reason = f"{words} in {100 * share:.0f} % of the samples"
     return ("good" if share <= TRUSTED else "fair" if share <= USABLE else "poor"), reason
+
+
+def worse(*graded: tuple[Grade, str]) -> tuple[Grade, str]:
+    """The worst grade, with all reasons."""
+    return max((g for g, _ in graded), key=GRADES.index), "; ".join(dict.fromkeys(r for _, r in graded if r))

@@ -12,7 +12,10 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENT
-from estimators.measures.figure import Figure, Grade, grade_of
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
+from estimators.measures.shown import NOTHING, Shown
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.trajectory import Flag, Trajectory
@@ -20,6 +23,9 @@ from estimators.trajectory import Flag, Trajectory
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
 UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
+WORDS = {"max": "the largest {} held", "min": "the smallest {} held", "range": "from the smallest to the largest {} held"}
+KINDS = kinds(*(Kind(f"{a}_{end}", "rad", words.format(a), SOURCE) for a in ANGLES for end, words in WORDS.items()))
+ELSEWHERE = frozenset({"tremor", "check", "pinch", "reach"})  # tasks that move joints little, or not for their range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +47,8 @@ class Range:
     t_smallest: float  # s
     grade: Grade
     reason: str
+    sd_largest: float | None = None  # rad, of the error at the largest angle; None: not known
+    sd_smallest: float | None = None
 
     @property
     def extent(self) -> float:
@@ -48,11 +56,18 @@ class Range:
 
 
 def applies(task_name: str) -> bool:
-    """Every task but tapping, whose small range says nothing about the joints."""
-    return "tap" not in task_name.lower()
+    """Every task but those whose small range says nothing about the joints: tapping, tremor, pinch, contacts, reach."""
+    return "tap" not in task_name.lower() and not words_of(task_name) & ELSEWHERE
 
 
-def measure(params: Params, trajectory: Trajectory, onset: float, end: float, geometry: object = None) -> list[Range]:
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Range]:
     """Ranges within [onset, end] of all joints that were measured there; unusable samples are left out of the extremes."""
     part = trajectory.between(onset, np.nextafter(end, np.inf))
     if len(part) < 3:
@@ -68,19 +83,25 @@ def measure(params: Params, trajectory: Trajectory, onset: float, end: float, ge
             if held is None:
                 continue
             high, low = int(np.nanargmax(held)), int(np.nanargmin(held))
-            found.append(
-                Range(joint.name, ANGLES[a], float(held[high]), float(held[low]), float(part.t[high]), float(part.t[low]), *grade_of(flags))
-            )
+            ends = (float(held[high]), float(held[low]), float(part.t[high]), float(part.t[low]))
+            sds = (None, None) if part.angles_sd is None else (float(part.angles_sd[high, j, a]), float(part.angles_sd[low, j, a]))
+            found.append(Range(joint.name, ANGLES[a], *ends, *grade_of(flags), *sds))
     return found
 
 
 def figures(ranges: list[Range]) -> list[Figure]:
-    """The flat list of figures."""
+    """The flat list of figures; the errors of a range's two ends count as independent."""
     made = []
     for r in ranges:
-        for word, value in (("max", r.largest), ("min", r.smallest), ("range", r.extent)):
-            made.append(Figure(f"{r.joint}_{r.angle}_{word}", value, "rad", SOURCE, None, r.grade, r.reason))
+        both = None if r.sd_largest is None or r.sd_smallest is None else float(np.hypot(r.sd_largest, r.sd_smallest))
+        for end, value, sd in (("max", r.largest, r.sd_largest), ("min", r.smallest, r.sd_smallest), ("range", r.extent, both)):
+            made.append(KINDS[f"{r.angle}_{end}"].of(value, sd, r.grade, r.reason, r.joint))
     return made
+
+
+def shown(ranges: list[Range]) -> Shown:
+    """Nothing: a page has the angles themselves."""
+    return NOTHING
 
 
 def _held(angle: Array, usable: np.ndarray, window: int) -> Array | None:

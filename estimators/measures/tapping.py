@@ -1,36 +1,44 @@
-"""Finger tapping from the distance between the ends of the thumb's and the index finger's bones.
+"""Finger tapping: from the distance between the ends of thumb and index finger, from an opening angle, or from two gyroscopes.
 
-In      a trajectory and the stretch of time of the trial
-Out     taps (complete opening-closing cycles): count, rate, intervals, amplitudes, opening and closing speeds, decrement
-Source  cycles and closures as in ReTap (Habets 2023, doi 10.3390/s23115238); ours: closings are minima of prominence >= 25 % of the 5-95 % range, at
-        least 0.1 s apart, linear drift inside each cycle removed so that closure is 0; decrement slope by ordinary least squares (Ling 2012, Djuric-Jovicic 2016), ratio of last and first five (ReTap)
+In      a trajectory and the stretch of time of the trial; or plain arrays: `of_distance`, `of_angle` (a camera's), `of_rates` (gyroscopes on both nails)
+Out     taps (complete opening-closing cycles): count, rate, intervals, amplitudes in m and rad, opening and closing speeds, decrement, fatigue, interruptions, freezes
+Source  cycles.py and cycle_figures.py. The angle in rad is how far thumb and index finger turn against each other: the sum of the angular rates of their last
+        phalanges (against the hand, where that is measured), each about its principal axis, as the reference values of the ETF database were computed.
+        Interruptions are looked for in the angle thumb tip - wrist - index tip, as Islam 2023 has them in the image, from the first closing to
+        the end of the trial; in plain arrays, that do not tell when a trial ended, to the last closing
+Limits  a tap smaller than a quarter of the trial's range is none
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import find_peaks
 
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.measures.figure import Figure, Grade, grade_of
-from estimators.options import option
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import cycle_figures, cycles
+from estimators.measures.asked import UNKNOWN, Asked
+from estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from estimators.measures.cycles import Cycles, Params, Stops
+from estimators.measures.figure import Figure, Grade, grade_of, kinds
+from estimators.measures.shown import Curve, Shown
+from estimators.measures.signals import Even, even, turning
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
 TITLE = "Finger tapping"
-SOURCE = "ReTap (doi 10.3390/s23115238); Djuric-Jovicic 2016 (J Clin Neurosci 30:49)"
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one
+PREFIX, ANGLE = "tapping", "tapping_angle"
+TIMES = time_kinds(PREFIX, "tap")
+DISTANCES = size_kinds(PREFIX, "tap", "m", "distance between thumb and index finger")
+ANGLES = size_kinds(ANGLE, "tap", "rad", "angle by which thumb and index finger turn apart")
+STOPS = stop_kinds(PREFIX, "the angle between thumb and index finger, seen from the wrist,")
+KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
+STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+NOT_MEASURED, NO_TAP = "thumb or index finger not measured", "no complete tap found"
 
-
-@dataclass(frozen=True, kw_only=True)
-class Params:
-    prominence: float = option(
-        0.25, "", "least prominence of a closing, as a share of the 5-95 % range of the distance", "ours", least=0.01, most=1.0
-    )
-    cycle_min: float = option(0.1, "s", "shortest cycle", "ours", least=0.01)
-    smallest: float = option(0.005, "m", "movement smaller than this is no tapping", "ours: below the tip error of the method")
-    min_taps_for_decrement: int = option(8, "", "fewer taps have no decrement", "ReTap (doi 10.3390/s23115238)", least=2)
-    ends: int = option(5, "", "taps at either end that the decrement ratio compares", "ReTap (doi 10.3390/s23115238)", least=1)
+__all__ = ["Params", "Tapping", "applies", "closings", "figures", "measure", "of_angle", "of_distance", "of_rates", "shown"]
 
 
 @dataclass(frozen=True)
@@ -38,15 +46,25 @@ class Tapping:
     """One trial; arrays are per tap, in order."""
 
     t: Array  # (n,) s, samples of the trial
-    distance: Array  # (n,) m between the bone ends
-    closings: Array  # (taps + 1,) s
-    amplitudes: Array  # (taps,) m
-    opening_speeds: Array  # (taps,) m/s
-    closing_speeds: Array  # (taps,) m/s
-    decrement_slope: float  # m per tap; NaN with too few taps
+    distance: Array  # (n,) m between the bone ends; NaN where only an angle is known
+    closings: Array  # s
+    amplitudes: Array  # (taps,) m; rad where only an angle is known
+    opening_speeds: Array  # (taps,) m/s, or rad/s
+    closing_speeds: Array  # (taps,)
+    decrement_slope: float  # m per tap, or rad; NaN with too few taps
     decrement_ratio: float  # (last five - first five) / first five
     grade: Grade
     reason: str
+    params: Params = field(default_factory=Params)
+    taps: Cycles | None = None  # of the distance
+    turns: Cycles | None = None  # of the angle, where one is known
+    stops: tuple[Stops, ...] = ()  # at STILL times the threshold speed; none where no angle is known
+    distance_sd: float | None = None  # m, of the error at one instant
+    angle_sd: float | None = None  # rad
+
+    @property
+    def cycles(self) -> Cycles | None:
+        return self.taps or self.turns
 
     @property
     def count(self) -> int:
@@ -54,91 +72,225 @@ class Tapping:
 
     @property
     def intervals(self) -> Array:
-        return np.diff(self.closings)
+        return self.cycles.intervals if self.cycles else np.diff(self.closings)
 
     @property
     def rate(self) -> float:
-        """Taps per second from the first to the last closing, Hz."""
-        return self.count / float(self.closings[-1] - self.closings[0]) if self.count else float("nan")
+        """Taps per second of the time that complete taps took, Hz."""
+        return self.count / float(self.intervals.sum()) if self.count else float("nan")
 
 
 def applies(task_name: str) -> bool:
     return "tap" in task_name.lower()
 
 
-def measure(params: Params, trajectory: Trajectory, onset: float, end: float, geometry: object = None) -> Tapping:
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Tapping:
     """Taps within [onset, end]."""
     part = trajectory.between(onset - MARGIN, end + MARGIN)
     tips = part.tips[:, [FINGERS.index("thumb"), FINGERS.index("index")]]
-    distance = np.sqrt(((tips[:, 0] - tips[:, 1]) ** 2).sum(axis=-1))
+    apart = tips[:, 0] - tips[:, 1]
+    distance = np.sqrt((apart**2).sum(axis=-1))
     segments = [SEGMENT[s] for f in ("thumb", "index") for s in CHAINS[f]]
     inside = (part.t >= onset) & (part.t <= end)
-    grade, reason = grade_of(part.flags[inside][:, segments])
+    grade = grade_of(part.flags[inside][:, segments])
     if np.isfinite(distance).sum() < 3:
-        return _nothing(part.t[inside], distance[inside], "thumb or index finger not measured")
-    known = np.isfinite(distance)
-    distance = np.interp(part.t, part.t[known], distance[known])
-    closed = closings(params, part.t, distance)
-    closed = closed[(part.t[closed] >= onset - params.cycle_min) & (part.t[closed] <= end + params.cycle_min)]
-    cycles = [_cycle(part.t[a : b + 1], distance[a : b + 1]) for a, b in zip(closed[:-1], closed[1:])]
-    if not cycles:
-        return _nothing(part.t[inside], distance[inside], "no complete tap found")
-    amplitudes, opening, closing = (np.array(column) for column in zip(*cycles))
-    slope, ratio = _decrement(params, amplitudes)
-    return Tapping(part.t[inside], distance[inside], part.t[closed], amplitudes, opening, closing, slope, ratio, grade, reason)
+        return _nothing(params, part.t[inside], distance[inside], NOT_MEASURED)
+    signal = even(part.t, distance, params.max_gap, params.lowpass)
+    taps = cycles.found(params, part.t, distance, params.smallest, (onset, end))
+    if not taps.count:
+        return _nothing(params, part.t[inside], distance[inside], NO_TAP)
+    turned = _turned(params, part, signal)
+    turns = cycles.at(params, turned, np.searchsorted(signal.t, taps.closings - 0.5 * signal.period)) if turned is not None else None
+    seen = _from_the_wrist(tips)
+    stops = (
+        tuple(cycles.stops(params, part.t, seen, (float(taps.closings[0]), end), share) for share in STILL)
+        if np.isfinite(seen).sum() >= 3
+        else ()
+    )
+    return _trial(params, part.t[inside], distance[inside], taps, turns, stops, grade, _distance_sd(part, apart), _angle_sd(part))
+
+
+def of_distance(t: Array, distance: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+    """Taps in a distance (n,) in m between thumb and index finger at times t (n,) s; `sd` is that of its error."""
+    return _of_signal(params or Params(), t, distance, "m", sd)
+
+
+def of_angle(t: Array, angle: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+    """Taps in an opening angle (n,) in rad: of a camera, the angle thumb tip - wrist - index tip."""
+    return _of_signal(params or Params(), t, angle, "rad", sd)
+
+
+def of_rates(t: Array, thumb: Array, index: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
+    """Taps in the angular rates of thumb and index finger, rad/s: (n, 3) as the gyroscopes read, or (n,) about the joints' axis, opening positive."""
+    params = params or Params()
+    opening = opening_of_rates(params, t, thumb, index)
+    return _of_signal(params, opening.t, opening.gapped, "rad", sd)
+
+
+def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Even:
+    """How far thumb and index finger have turned apart, rad: the integral of both rates about their principal axes; smallest where they close."""
+    thumb, index = (np.asarray(w, float) for w in (thumb, index))
+    if thumb.shape != index.shape or thumb.ndim not in (1, 2) or (thumb.ndim == 2 and thumb.shape[1] != 3):
+        raise InputError(
+            f"the rates of thumb and index finger have the shapes {thumb.shape} and {index.shape}; give (n, 3) or (n,) of both, in rad/s"
+        )
+    known = np.asarray(np.isfinite(np.column_stack([thumb, index])).all(axis=1))
+    rates = [_about_principal(params, t, w, known) for w in (thumb, index)]
+    both = rates[0].values - rates[0].values.mean(), rates[1].values - rates[1].values.mean()
+    aligned = thumb.ndim == 1
+    rate = both[0] + (1.0 if aligned or both[0] @ both[1] >= 0 else -1.0) * both[1]
+    if not aligned:
+        rate = rate * _impact_sign(rate)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[:-1] + rate[1:])) * rates[0].period])
+    return Even(rates[0].t, angle, rates[0].known, rates[0].period)
 
 
 def figures(tapping: Tapping) -> list[Figure]:
-    """The flat list of figures."""
-    enough = tapping.count >= 2
-    few = "" if np.isfinite(tapping.decrement_slope) else "too few taps for a decrement"
-    rows: list[tuple[str, float, str, str]] = [
-        ("count", float(tapping.count), "1", ""),
-        ("rate", tapping.rate, "Hz", ""),
-        ("interval_mean", float(tapping.intervals.mean()) if enough else np.nan, "s", ""),
-        ("interval_cv", _cv(tapping.intervals), "1", ""),
-        ("amplitude_mean", float(tapping.amplitudes.mean()) if tapping.count else np.nan, "m", ""),
-        ("amplitude_cv", _cv(tapping.amplitudes), "1", ""),
-        ("opening_speed_mean", float(tapping.opening_speeds.mean()) if tapping.count else np.nan, "m/s", ""),
-        ("closing_speed_mean", float(tapping.closing_speeds.mean()) if tapping.count else np.nan, "m/s", ""),
-        ("decrement_slope", tapping.decrement_slope, "m", few),
-        ("decrement_ratio", tapping.decrement_ratio, "1", few),
-    ]
-    return [Figure(f"tapping_{name}", v, unit, SOURCE, None, tapping.grade, why or tapping.reason) for name, v, unit, why in rows]
+    """The flat list of figures; of plain arrays those that they tell."""
+    graded, c, p = (tapping.grade, tapping.reason), tapping.cycles, tapping.params
+    if c is None:
+        return []
+    made = cycle_figures.time_figures(p, TIMES, PREFIX, c, graded)
+    if tapping.taps:
+        made += cycle_figures.size_figures(p, DISTANCES, PREFIX, tapping.taps, tapping.distance_sd, graded)
+    if tapping.turns:
+        made += cycle_figures.size_figures(p, ANGLES, ANGLE, tapping.turns, tapping.angle_sd, graded)
+    if tapping.stops and c.count:
+        made += cycle_figures.stop_figures(p, STOPS, PREFIX, tapping.stops, graded)
+    elif tapping.taps:
+        made += [k.of(np.nan, None, "poor", tapping.reason or "needs an angle") for k in STOPS.values()]
+    return made
+
+
+def shown(tapping: Tapping) -> Shown:
+    """The opening over time with closings and freezes, and the amplitude of every tap."""
+    c = tapping.cycles
+    if c is None or not len(tapping.t):
+        return Shown()
+    number = np.arange(1.0, c.count + 1)
+    unit, name = ("m", "tapping_distance") if tapping.taps else ("rad", "tapping_opening")
+    curves = [Curve(name, unit, c.t, c.opening), Curve("tapping_amplitude", unit, number, c.amplitudes, "1")]
+    if tapping.taps and tapping.turns and tapping.turns.count == c.count:
+        curves.append(Curve("tapping_angle_amplitude", "rad", number, tapping.turns.amplitudes, "1"))
+    marks = {"closing": tapping.closings}
+    if tapping.stops:
+        marks["freeze"] = tapping.stops[0].lasting(tapping.params.freeze)
+    return Shown(tuple(curves), marks)
 
 
 def closings(params: Params, t: Array, distance: Array) -> np.ndarray:
-    """Indices of the samples at which the fingers close: minima of a distance (n,) in m."""
-    low, high = np.percentile(distance, [5, 95])
-    if high - low < params.smallest:
-        return np.empty(0, int)
+    """Indices of the samples of an even signal at which the fingers close: minima of a distance (n,) in m."""
     period = float(np.median(np.diff(t)))
-    apart = max(1, round(params.cycle_min / period))
-    return np.asarray(find_peaks(-distance, prominence=params.prominence * (high - low), distance=apart)[0])
+    return cycles.closings(params, Even(t, distance, np.isfinite(distance), period), params.smallest)
 
 
-def _cycle(t: Array, distance: Array) -> tuple[float, float, float]:
-    """Amplitude, opening and closing speed of one cycle, linear drift removed."""
-    level = distance - np.interp(t, [t[0], t[-1]], [distance[0], distance[-1]])
-    top = int(np.argmax(level))
-    speed = np.gradient(level, t)
-    return float(level[top]), float(speed[: top + 1].max()), float(-speed[top:].min())
+def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | None) -> Tapping:
+    distance = unit == "m"
+    c = cycles.found(params, t, values, params.smallest if distance else params.smallest_turn)
+    lost = c.lost / max(len(c.t) * c.period, 1e-9)
+    grade: tuple[Grade, str] = (
+        ("good", "") if not lost else ("fair" if lost <= 0.2 else "poor", f"{100 * lost:.0f} % of the time without samples")
+    )
+    tapped = (float(c.closings[0]), float(c.closings[-1])) if c.count else (0.0, 0.0)
+    stops = () if distance else tuple(cycles.stops(params, t, values, tapped, share) for share in STILL)
+    if not c.count:
+        grade = ("poor", NO_TAP)
+    samples = np.asarray(t, float)
+    drawn = np.asarray(values, float) if distance else np.full(len(samples), np.nan)
+    return _trial(
+        params,
+        samples,
+        drawn,
+        c if distance else None,
+        None if distance else c,
+        stops,
+        grade,
+        sd if distance else None,
+        None if distance else sd,
+    )
 
 
-def _decrement(params: Params, amplitudes: Array) -> tuple[float, float]:
-    n = len(amplitudes)
-    if n < params.min_taps_for_decrement:
-        return float("nan"), float("nan")
-    slope = float(np.polynomial.polynomial.polyfit(np.arange(n), amplitudes, 1)[1])
-    first, last = amplitudes[: params.ends].mean(), amplitudes[-params.ends :].mean()
-    return slope, float((last - first) / first)
+def _trial(
+    params: Params,
+    t: Array,
+    distance: Array,
+    taps: Cycles | None,
+    turns: Cycles | None,
+    stops: tuple[Stops, ...],
+    graded: tuple[Grade, str],
+    distance_sd: float | None = None,
+    angle_sd: float | None = None,
+) -> Tapping:
+    c = taps or turns
+    assert c is not None
+    slope, ratio = cycle_figures.decrement(params, c.amplitudes)
+    each = (c.closings, c.amplitudes, c.opening_speeds, c.closing_speeds, slope, ratio)
+    return Tapping(t, distance, *each, *graded, params, taps, turns, stops, distance_sd, angle_sd)
 
 
-def _cv(values: Array) -> float:
-    """Coefficient of variation: sample SD over mean; NaN with fewer than two."""
-    return float(values.std(ddof=1) / values.mean()) if len(values) >= 2 else float("nan")
-
-
-def _nothing(t: Array, distance: Array, reason: str) -> Tapping:
+def _nothing(params: Params, t: Array, distance: Array, reason: str) -> Tapping:
     none = np.empty(0)
-    return Tapping(t, distance, none, none, none, none, float("nan"), float("nan"), "poor", reason)
+    empty = Cycles(none, none, none, none, none, none, none, none)
+    return _trial(params, t, distance, empty, empty, (), ("poor", reason))
+
+
+def _turned(params: Params, part: Trajectory, signal: Even) -> Even | None:
+    """How far the last phalanges have turned apart, on the distance's time base and in its sense; None where they are not measured."""
+    q_GH = part.q_GS[:, SEGMENT["hand"]]
+    rates = []
+    for finger in ("thumb", "index"):
+        q = part.q_GS[:, SEGMENT[CHAINS[finger][-1]]]
+        q_HS = quat.relative(q_GH, q) if np.isfinite(q_GH).all() else q
+        if not np.isfinite(q_HS).all() or len(q_HS) < 3 or not (np.abs(q_HS).sum(axis=1) > 0).all():
+            return None
+        rates.append(turning(part.t, q_HS))
+    angle = opening_of_rates(params, part.t, *rates)
+    values = np.interp(signal.t, angle.t, angle.values)
+    sense = 1.0 if np.gradient(values) @ np.gradient(signal.values) >= 0 else -1.0
+    return Even(signal.t, sense * values, signal.known, signal.period)
+
+
+def _about_principal(params: Params, t: Array, rate: Array, known: np.ndarray) -> Even:
+    """A gyroscope's rate about the axis about which it turned most."""
+    if rate.ndim == 2 and known.any():
+        spread = rate[known] - rate[known].mean(axis=0)
+        rate = rate @ np.linalg.svd(spread, full_matrices=False)[2][0]
+    return even(t, np.where(known, rate, np.nan), params.max_gap, params.lowpass)
+
+
+def _impact_sign(rate: Array) -> float:
+    """+1 where the rate is positive in opening: fingers that meet stop more suddenly than fingers that open widest."""
+    jerk = np.diff(rate)
+    return 1.0 if ((jerk - jerk.mean()) ** 3).mean() >= 0 else -1.0
+
+
+def _from_the_wrist(tips: Array) -> Array:
+    """Angle (n,) between the directions to thumb and index tip (n, 2, 3), seen from the wrist, rad."""
+    across = np.linalg.norm(np.cross(tips[:, 0], tips[:, 1]), axis=-1)
+    return np.asarray(np.arctan2(across, (tips[:, 0] * tips[:, 1]).sum(axis=-1)))
+
+
+def _distance_sd(part: Trajectory, apart: Array) -> float | None:
+    """Of the distance, from both tips' standard deviations along the line between them, rms over the trial; their errors count as independent."""
+    if part.tips_sd is None:
+        return None
+    both = (part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2).sum(axis=1)
+    size = (apart**2).sum(axis=-1)
+    known = np.isfinite(size) & (size > 0)
+    return float(np.sqrt(np.nanmean((apart[known] ** 2 * both[known]).sum(axis=-1) / size[known]))) if known.any() else None
+
+
+def _angle_sd(part: Trajectory) -> float | None:
+    """Of the turn against each other: all flexions of both fingers."""
+    if part.angles_sd is None:
+        return None
+    joints = [JOINT[j] for f in ("thumb", "index") for j in FINGER_JOINTS[f]]
+    squares = (part.angles_sd[:, joints, FLEXION] ** 2).mean(axis=0)
+    return float(np.sqrt(squares.sum()))

@@ -144,8 +144,8 @@ def test_a_trial_without_taps_says_so() -> None:
 )
 def test_a_change_of_amplitude_is_said_in_words(slope: float, words: str) -> None:
     recording, processed, results = session()
-    details = replace(results[-1].details, decrement_slope=slope)
-    changed = replace(results[-1], details=details, figures=tuple(tapping.figures(details)))
+    figures = tuple(replace(f, value=slope) if f.name == "tapping_decrement_slope" else f for f in results[-1].figures)
+    changed = replace(results[-1], figures=figures)
     (section,) = page_of(report((recording, processed, (changed,))))["tapping"]
     assert ["Change per tap", "", words] in section["rows"]
 

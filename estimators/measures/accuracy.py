@@ -1,0 +1,75 @@
+"""How far angles and tips may be off, where the method does not say so itself.
+
+In      a method's name, its calibrations
+Out     standard deviations of joint angles (rad) and of tips (m), for a whole trajectory
+Source  docs/reproduction.md, Table 6 on 20 simulated people: RMS error of the moved finger's angles and of its tip, mean over the eight experiments; a segment
+        without an initial pose is as far off as method b, which has none; the calibration's part: how far gravity tilted within the pose
+Limits  of a person like those simulated; errors of neighbouring joints count as independent, and an error is taken as constant over a task
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from estimators.calibration import Calibration
+from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from estimators.quaternions import Array
+from estimators.trajectory import Flag, Trajectory
+
+DEG = np.pi / 180
+ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b
+TIP, TIP_UNPOSED = 7.0e-3, 20.7e-3  # m, the same
+OWN = "the method's own standard deviation"
+TABLE = "RMS error of method {method} in docs/reproduction.md, Table 6"
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Defaults of a method, and what its calibration adds."""
+
+    angle: float = ANGLE  # rad
+    tip: float = TIP  # m
+    source: str = TABLE.format(method="m2")
+    tilt: Mapping[str, float] = field(default_factory=dict)  # rad, by segment
+
+
+DEFAULT = Accuracy()
+METHODS = {
+    "m1": Accuracy(1.89 * DEG, 7.0e-3, TABLE.format(method="m1")),
+    "m2": DEFAULT,
+    "b": Accuracy(ANGLE_UNPOSED, TIP_UNPOSED, TABLE.format(method="b")),
+}
+
+
+def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accuracy:
+    """What to expect of a method, m2's where it has no table, after these calibrations (the worst counts)."""
+    tilt = {s: max(c.quality[s].tilt_change for c in calibrations if s in c.quality) for c in calibrations for s in c.quality}
+    return replace(METHODS.get(method, DEFAULT), tilt=tilt)
+
+
+def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str]:
+    """The trajectory with a standard deviation of every angle and tip, and where it is from."""
+    if trajectory.angles_sd is not None and trajectory.tips_sd is not None:
+        return trajectory, OWN
+    tilt = np.array([accuracy.tilt.get(s, 0.0) for s in SEGMENTS])
+    unposed = ((trajectory.flags & Flag.UNCALIBRATED) != 0).any(axis=0)
+    angles = np.array([_angle(accuracy, tilt, unposed, [SEGMENT[j.parent], SEGMENT[j.child]]) for j in JOINTS])
+    tips = np.array([_tip(accuracy, unposed, [SEGMENT[s] for s in CHAINS[f]]) for f in FINGERS])
+    n = len(trajectory)
+    angles_sd = np.broadcast_to(angles[None, :, None], (n, len(JOINTS), 3))
+    tips_sd = np.broadcast_to(tips[None, :, None], (n, len(FINGERS), 3))
+    own_angles, own_tips = trajectory.angles_sd, trajectory.tips_sd
+    return replace(
+        trajectory, angles_sd=angles_sd if own_angles is None else own_angles, tips_sd=tips_sd if own_tips is None else own_tips
+    ), accuracy.source
+
+
+def _angle(accuracy: Accuracy, tilt: Array, unposed: Array, segments: list[int]) -> float:
+    plain = max(accuracy.angle, ANGLE_UNPOSED) if unposed[segments].any() else accuracy.angle
+    return float(np.sqrt(plain**2 + (tilt[segments] ** 2).sum()))
+
+
+def _tip(accuracy: Accuracy, unposed: Array, segments: list[int]) -> float:
+    """Standard deviation of each coordinate: the RMS error of the place shared by three."""
+    return float((max(accuracy.tip, TIP_UNPOSED) if unposed[segments].any() else accuracy.tip) / np.sqrt(3.0))
