@@ -8,7 +8,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,9 +49,10 @@ class Jobs:
         patience.cancel()
         self._process.__exit__()
 
-    def process(self, result_id: int) -> "Future[None]":
-        """Queue a result."""
-        return self._queue.submit(self._settle, result_id)
+    def process(self, result_id: int) -> None:
+        """Queue a result; one that comes while the server stops is taken up by the next start."""
+        with contextlib.suppress(RuntimeError):
+            self._queue.submit(self._settle, result_id)
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
         """Do other work there (a report, an export) and wait for it."""
@@ -75,8 +76,7 @@ class Jobs:
             if not ended_by_others:
                 results.give_up(db, result_id)
             elif results.put_back(db, result_id) and not self._leaving.is_set():
-                with contextlib.suppress(RuntimeError):  # leaving began this moment
-                    self.process(result_id)
+                self.process(result_id)
 
 
 _store: Store | None = None  # of the working process; set once when it begins

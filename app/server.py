@@ -11,7 +11,7 @@ from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
 
 from app import protocols
-from app.api import errors, login, methods, pages, patients, results, sessions, stations
+from app.api import errors, login, methods, pages, patients, progress, results, sessions, stations
 from app.api.access import Gate
 from app.api.state import Parts
 from app.jobs import Jobs
@@ -50,7 +50,7 @@ def create_app(settings: Settings) -> FastAPI:
         middleware=[Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
-    for module in (patients, sessions, results, stations, methods, login):
+    for module in (patients, progress, sessions, results, stations, methods, login):
         app.include_router(module.router, prefix="/api")
     app.include_router(login.pages)
     app.include_router(pages.router)

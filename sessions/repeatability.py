@@ -65,6 +65,16 @@ class Comparison:
     glove: Mapping[Key, Repeatability]
 
 
+@dataclass(frozen=True)
+class Visited:
+    """A session processed in one way; SI units."""
+
+    occasion: Occasion
+    values: Values
+    own: Mapping[Key, Repeatability]
+    glove: Mapping[Key, Repeatability]
+
+
 def keep(database: sessionmaker[Session]) -> None:
     """From now on every commit of this database that stores or removes a result brings the table up to date."""
     event.listen(database, "before_commit", _before_commit)
@@ -107,6 +117,16 @@ def comparison(db: Session, result: Result) -> Comparison | None:
     kept = db.scalars(select(Repeatability).where(Repeatability.patient_id == mine.patient))
     glove = db.scalars(select(Repeatability).where(Repeatability.patient_id.is_(None), Repeatability.device == mine.device))
     return Comparison(last.started, values(result.figures), figures[last.result], _alike(kept, mine), _alike(glove, mine))
+
+
+def history(db: Session, patient: int) -> list[Visited]:
+    """A patient's sessions in order of time, with every way in which each was processed, and what repeated measurement gives them."""
+    occasions = _occasions(db, patient)
+    figures = _figures(db, [o.result for o in occasions])
+    own = list(db.scalars(select(Repeatability).where(Repeatability.patient_id == patient)))
+    devices = {o.device for o in occasions if o.device}
+    gloves = list(db.scalars(select(Repeatability).where(Repeatability.patient_id.is_(None), Repeatability.device.in_(devices))))
+    return [Visited(o, figures[o.result], _alike(own, o), _alike([g for g in gloves if g.device == o.device], o)) for o in occasions]
 
 
 def enough(kept: Repeatability) -> bool:

@@ -3,6 +3,7 @@
 Judged by the MDC95 of the patient's own repeated sessions where there are enough, else of the glove's, else the published default.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal
@@ -37,6 +38,15 @@ class Change:
 
 
 @dataclass(frozen=True)
+class Judge:
+    """What a change of a figure is judged by, in the unit a person reads."""
+
+    mdc95: float | None  # None: not known
+    basis: Basis
+    sources: tuple[str, ...]  # of the MDC, in sentences; why there is none
+
+
+@dataclass(frozen=True)
 class Changes:
     """Of a session since the patient's session before."""
 
@@ -61,13 +71,12 @@ def changes(told: Comparison) -> Changes | None:
     return Changes(told.since, each) if each else None
 
 
-def _change(key: Key, difference: float, unit: str, told: Comparison) -> Change:
-    read = reading(Figure(key[2], difference, unit, ""))
-    value, shown = read.value, {"Hz": "per s"}.get(read.unit, read.unit)
-    mine: tuple[tuple[Basis, Repeatability | None], ...] = (("own", told.own.get(key)), ("glove", told.glove.get(key)))
+def judged_by(key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapping[Key, Repeatability]) -> Judge:
+    """What a change of the figure `key`, SI unit `unit`, must exceed, from the patient's own and the glove's repeatability and what is published."""
+    mine: tuple[tuple[Basis, Repeatability | None], ...] = (("own", own.get(key)), ("glove", glove.get(key)))
     for basis, kept in mine:
         if kept is not None and enough(kept):
-            return Change(*key, value, shown, reading(Figure(key[2], kept.mdc95, unit, "")).value, basis, (_source(kept),))
+            return Judge(read_as(key, kept.mdc95, unit)[0], basis, (_source(kept),))
     if key[0] == "range_of_motion" and unit == "rad":
         default = smallest_change()
         words = f"of a joint's angle: {default.value:g}°"
@@ -75,8 +84,20 @@ def _change(key: Key, difference: float, unit: str, told: Comparison) -> Change:
         default = smallest_change_of_rate()
         words = f"of the tapping rate: {default.value:g} per s"
     else:
-        return Change(*key, value, shown, None, "none", (NOT_KNOWN,))
-    return Change(*key, value, shown, default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))
+        return Judge(None, "none", (NOT_KNOWN,))
+    return Judge(default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))
+
+
+def read_as(key: Key, value: float, unit: str) -> tuple[float, str]:
+    """A figure's SI value in the unit a person reads, and that unit."""
+    read = reading(Figure(key[2], value, unit, ""))
+    return read.value, {"Hz": "per s"}.get(read.unit, read.unit)
+
+
+def _change(key: Key, difference: float, unit: str, told: Comparison) -> Change:
+    value, shown = read_as(key, difference, unit)
+    judge = judged_by(key, unit, told.own, told.glove)
+    return Change(*key, value, shown, judge.mdc95, judge.basis, judge.sources)
 
 
 def _source(kept: Repeatability) -> str:

@@ -6,6 +6,7 @@ import * as measures from "../patient/measures.js";
 import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";
 import { makeRecord } from "../patient/record.js";
+import * as progress from "../progress/progress.js";
 import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
 import { t } from "../words/words.js";
@@ -28,15 +29,15 @@ export function mount(root, api, { id, go, title }) {
       };
       name(patient);
       const stop = record.watch(name);
-      const parts = [newSession, visits, facts, upload, measures, notes].map((part) => [part, h("section", { class: "card" })]);
-      const [session, before, ...aside] = parts.map(([, place]) => place);
+      const parts = [newSession, visits, progress, facts, upload, measures, notes].map((part) => [part, h("section", { class: "card" })]);
+      const [session, before, course, ...aside] = parts.map(([, place]) => place);
       root.append(
         h(
           "div",
           { class: "head" },
           h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title")), "›"), heading, about),
         ),
-        h("div", { class: "beside" }, h("div", { class: "stack" }, session, before), h("div", { class: "stack" }, aside)),
+        h("div", { class: "beside" }, h("div", { class: "stack" }, session, before, course), h("div", { class: "stack" }, aside)),
       );
       const unmount = assemble(api, { record, go }, parts);
       leave = () => {

@@ -5,11 +5,13 @@ const DARK = matchMedia("(prefers-color-scheme: dark)");
 
 /**
  * wanted.label    what a screen reader says
- * wanted.lines    [{ colour: "--curve-1", dash, bars, points }]
+ * wanted.lines    [{ colour: "--curve-1", dash, bars, points }]; points: their size in px, across gaps
  * wanted.words    (value) => text of a y tick
  * wanted.xWords   (value) => text of an x tick
  * wanted.window   (newest x) => [from, to]; else all data
+ * wanted.under    (plot) => anything drawn below the lines
  * wanted.drawn    (plot) => anything drawn on top
+ * wanted.low, high  values that stay in sight; then zero need not be
  * wanted.pressed  (x) => a press at x
  */
 export function makePlot(root, wanted) {
@@ -63,20 +65,24 @@ function optionsOf(wanted, root) {
     padding: [10, 14, 0, 0],
     legend: { show: false },
     cursor: { show: false },
-    scales: { x: { time: false, range: (u, low, high) => xRange(wanted, low, high) }, y: { range: yRange } },
+    scales: {
+      x: { time: false, range: (u, low, high) => xRange(wanted, low, high) },
+      y: { range: (u, low, high) => yRange(wanted, low, high) },
+    },
     axes: [
       { ...axis, size: 30, values: (u, ticks) => ticks.map(wanted.xWords ?? String) },
       { ...axis, size: wanted.axis ?? 76, space: 34, values: (u, ticks) => ticks.map(wanted.words) },
     ],
     series: [{}, ...wanted.lines.map(lineOf)],
-    hooks: { draw: wanted.drawn ? [wanted.drawn] : [] },
+    hooks: { drawAxes: wanted.under ? [wanted.under] : [], draw: wanted.drawn ? [wanted.drawn] : [] },
   };
 }
 
 function lineOf(line) {
   const stroke = colour(line.colour);
   const bars = line.bars ? { paths: uPlot.paths.bars({ size: [0.6, 28] }), fill: stroke } : {};
-  return { stroke, width: 2, dash: line.dash, points: { show: false }, ...bars };
+  const points = line.points ? { show: true, size: line.points, fill: stroke } : { show: false };
+  return { stroke, width: 2, dash: line.dash, points, spanGaps: Boolean(line.points), ...bars };
 }
 
 function xRange(wanted, low, high) {
@@ -88,9 +94,14 @@ function xRange(wanted, low, high) {
       : [low, high];
 }
 
-/** Zero is always in it, with a little air beyond the data, so that a still hand is a flat line. */
-function yRange(u, low, high) {
+/** Zero is in it unless other values are to be, with a little air beyond the data, so that a still hand is a flat line. */
+function yRange(wanted, low, high) {
   if (low === null) return [0, 10];
+  if (wanted.low !== undefined) {
+    const [least, most] = [Math.min(low, wanted.low), Math.max(high, wanted.high)];
+    const air = 0.08 * Math.max(most - least, 1e-3);
+    return [least - air, most + air];
+  }
   const air = Math.max(2, 0.08 * (high - low));
   return [low < 0 ? low - air : 0, high > 0 ? high + air : 0];
 }

@@ -4,7 +4,7 @@ import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { known, t } from "../words/words.js";
 
-const DECIMALS = {
+export const DECIMALS = {
   count: 0,
   rate: 2,
   interval_mean: 3,

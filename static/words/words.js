@@ -24,7 +24,10 @@ const dayForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "long",
 const timeForm = new Intl.DateTimeFormat(locale, { hour: "2-digit", minute: "2-digit" });
 const wholeForm = new Intl.NumberFormat(locale);
 
+const shortForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "short" });
+
 export const day = (moment) => dayForm.format(new Date(moment));
+export const shortDay = (moment) => shortForm.format(new Date(moment));
 export const time = (moment) => timeForm.format(new Date(moment));
 export const dayAndTime = (moment) => `${day(moment)}, ${time(moment)}`;
 export const whole = (number) => wholeForm.format(number);

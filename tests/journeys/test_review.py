@@ -1,9 +1,11 @@
-"""Reading a session again: a trial is left out with a reason and taken back; methods and sessions side by side."""
+"""Reading a session again: a trial is left out with a reason and taken back; progress over sessions."""
+
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import Server, api, keep_picture, shown
+from tests.journeys.house import Server, api, keep_picture, new_patient, shown
 
 pytestmark = pytest.mark.browser
 
@@ -30,3 +32,28 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(page_without_scene: Pa
     shown(page.get_by_text("Left out: Interrupted. Taken back"))
     file = api(page, f"/api/sessions/{processed}")["recordings"][0]
     assert [r["current"] for r in file["results"]] == [False, True]
+
+
+def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
+    page_without_scene: Page, server: Server, recording: Path
+) -> None:
+    page = page_without_scene
+    patient = new_patient(page)
+    page.goto(f"{server.base}/patients/{patient}")
+    shown(page.get_by_text("Progress appears from the second session"))
+    for k in range(2):
+        another = (
+            recording.read_bytes()[:-2] + b"\x01\x00" + bytes([k])
+        )  # a comment of the zip: a recording of its own with the same movement
+        sent = {"file": {"name": f"{k}.zip", "mimeType": "application/zip", "buffer": another}}
+        told = api(page, f"/api/patients/{patient}/recordings", "POST", multipart=sent)
+        page.goto(f"{server.base}/sessions/{told['session']}")
+        shown(page.get_by_role("heading", name="Finger tapping"))
+    page.goto(f"{server.base}/patients/{patient}")
+    shown(page.get_by_text("No change beyond measurement error in any of 1 figures"))
+    rate = page.locator(".multiple").filter(has=page.get_by_role("heading", name="Rate"))
+    expect(rate).to_contain_text("No change beyond measurement error (unchanged)")
+    expect(page.locator(".multiple").filter(has_text="measurement error not known").first).to_be_visible()
+    page.get_by_label("Compared with").select_option("before")
+    shown(page.get_by_text("measurement error round the session before"))
+    keep_picture(page, "patient-progress")

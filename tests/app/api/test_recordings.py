@@ -80,6 +80,13 @@ def test_a_second_session_says_what_changed_since_the_first(client: TestClient, 
     (row,) = [r for r in result["readings"]["ranges"][0]["rows"] if (r["group"], r["joint"]) == ("Index", "PIP")]
     assert row["changes"]["flexion"] == "unchanged"
     assert "Reissner 2019" in result["readings"]["changes"]["sources"]["range_of_motion"][0]
+    course = client.get(f"/api/patients/{patient}/progress").json()
+    pip = next(s for s in course["series"] if s["name"] == "index_pip_flexion_max")
+    points = pip["hands"]["left"]["points"]
+    assert [p[0] for p in points] == [s["session"] for s in course["sessions"]["left"]]
+    assert (points[0][2:], points[1][2:], points[0][1] == points[1][1]) == ([None, None], [False, False], True)
+    assert course["judges"][pip["hands"]["left"]["judge"]]["mdc95"] == 12
+    assert client.get("/api/patients/99999/progress").status_code == 404
     told = client.get(f"/api/results/{result['id']}/report.json").json()["changes"]
     assert {c["value"] for c in told["each"]} == {0.0}
     assert client.get(f"/api/results/{result['id']}/report.pdf").content.startswith(b"%PDF")

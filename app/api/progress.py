@@ -1,0 +1,48 @@
+"""/api/patients/{id}/progress: how a patient's figures went over the sessions"""
+
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter
+
+from app.api.state import Db, LanguageDep
+from app.language import Language
+from app.protocols import load_all
+from app.report.changes import Judge
+from app.report.progress import Course, Progress, Series, progress
+from sessions import patients, repeatability
+
+router = APIRouter(prefix="/patients", tags=["patients"])
+
+
+@router.get("/{patient_id}/progress")
+def read_progress(db: Db, language: LanguageDep, patient_id: int) -> dict[str, Any]:
+    """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
+    patient = patients.get(db, patient_id)
+    found = progress(repeatability.history(db, patient_id), load_all())
+    return {"affected": patient.affected_hand, **(_told(found, language) if found else {"method": "", "judges": [], "sessions": {}, "series": []})}
+
+
+def _told(found: Progress, language: Language) -> dict[str, Any]:
+    judges = list(dict.fromkeys(c.judge for s in found.series for c in s.hands.values()))
+    return {
+        "judges": [{**asdict(judge), "sources": [language.heard(s) for s in judge.sources]} for judge in judges],
+        "method": found.method,
+        "sessions": {
+            hand: [{"session": o.session, "result": o.result, "started": o.started} for o in occasions]
+            for hand, occasions in found.sessions.items()
+        },
+        "series": [_series(s, judges) for s in found.series],
+    }
+
+
+def _series(s: Series, judges: list[Judge]) -> dict[str, Any]:
+    reference = {"value": s.reference.degrees, "source": s.reference.source.name, "note": s.reference.note} if s.reference else None
+    told = {name: getattr(s, name) for name in ("measure", "task", "name", "unit", "joint", "angle", "end")}
+    return {**told, "reference": reference, "hands": {hand: _course(c, judges) for hand, c in s.hands.items()}}
+
+
+def _course(c: Course, judges: list[Judge]) -> dict[str, Any]:
+    """Points as [session, value, beyond since the first, beyond since the one before]; `judge` is a place in the list of judges."""
+    points = [[p.session, round(p.value, 3), p.since_first, p.since_before] for p in c.points]
+    return {"points": points, "judge": judges.index(c.judge)}

@@ -1,0 +1,41 @@
+/** A figure's course in words: what it is, its value, how it changed. */
+import { DECIMALS } from "../session/tapping.js";
+import { angleWords, directionWords, jointWords } from "../words/clinical.js";
+import { known, t } from "../words/words.js";
+
+/** The finger or the wrist that a figure is of; "all" where it is of none. */
+export const partOf = (series) => series.joint.split("_")[0] || "all";
+
+/** "Index PIP flexion", "Rate". */
+export function labelWords(series) {
+  const short = series.name.replace("tapping_", "");
+  if (!series.joint) return known(`tapping.${short}`, short.replaceAll("_", " "));
+  const turned = series.angle !== "flexion" || series.joint === "thumb_cmc";
+  const way = turned ? directionWords(series.joint, series.angle, series.end === "largest") : t(`course.way.${series.end}`);
+  return t("course.figure", { ...jointWords(series.joint), way }).replace("  ", " ");
+}
+
+export function valueWords(series, value) {
+  return series.joint ? angleWords(series.joint, series.angle, value) : withUnit(series, value);
+}
+
+/** The newest value against the first or the one before: { value, then, beyond }; beyond is null where it is not judged. */
+export function judged(series, { hand, against }) {
+  const { points } = series.hands[hand];
+  const [now, then] = [points.at(-1), against === "first" ? points[0] : points.at(-2)];
+  return { value: now[1], then: then[1], beyond: now[against === "first" ? 2 : 3] };
+}
+
+/** "15° more", "0.40 per s lower"; more of an angle is further in the figure's own direction. */
+export function changeWords(series, chosen) {
+  const { value, then } = judged(series, chosen);
+  const size = withUnit(series, Math.abs(value - then));
+  if (size === withUnit(series, 0)) return t("course.same");
+  const up = value > then !== (series.end === "smallest");
+  return t(`course.${series.joint ? "angle" : "level"}.${up ? "up" : "down"}`, { size });
+}
+
+function withUnit(series, value) {
+  if (series.joint) return `${Math.round(value)}°`;
+  return `${value.toFixed(DECIMALS[series.name.replace("tapping_", "")] ?? 1)} ${series.unit}`.trim();
+}
