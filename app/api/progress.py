@@ -20,7 +20,10 @@ def read_progress(db: Db, language: LanguageDep, patient_id: int) -> dict[str, A
     """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
     patient = patients.get(db, patient_id)
     found = progress(repeatability.history(db, patient_id), load_all())
-    return {"affected": patient.affected_hand, **(_told(found, language) if found else {"method": "", "judges": [], "sessions": {}, "series": []})}
+    return {
+        "affected": patient.affected_hand,
+        **(_told(found, language) if found else {"method": "", "judges": [], "sessions": {}, "series": []}),
+    }
 
 
 def _told(found: Progress, language: Language) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
         shown(page.get_by_role("heading", name="Finger tapping"))
     page.goto(f"{server.base}/patients/{patient}")
     shown(page.get_by_text("No change beyond measurement error in any of 1 figures"))
-    rate = page.locator(".multiple").filter(has=page.get_by_role("heading", name="Rate"))
+    rate = page.locator(".multiple").filter(has=page.get_by_role("heading", name="Rate", exact=True))
     expect(rate).to_contain_text("No change beyond measurement error (unchanged)")
     expect(page.locator(".multiple").filter(has_text="measurement error not known").first).to_be_visible()
     page.get_by_label("Compared with").select_option("before")
