@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from sqlalchemy.orm import Session
+from sqlalchemy.orm.exc import StaleDataError
 
 from app.options import with_options
 from estimators.errors import InputError
@@ -25,7 +26,7 @@ from estimators.trajectory import Trajectory
 from sessions import corrections, derivative, records
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
-from sessions.results import begin, get
+from sessions.results import begin
 from sessions.store import Store
 from sessions.tables import Result
 from sessions.trajectory_table import measured_segments
@@ -36,23 +37,32 @@ CURVE_POINTS = 1500  # of a measure's curve at most: finer than a screen
 
 
 def make(store: Store, result_id: int) -> None:
-    """Process the result's recording; a failure the user can mend is kept as the result's error."""
+    """Process the result's recording; a failure the user can mend is kept as the result's error. What was erased meanwhile leaves nothing."""
     with store.database() as db:
-        result = get(db, result_id)
-        begin(db, result)
-        try:
-            recording, processed = computed(store, result, lambda share: _progress(db, result, share))
-        except InputError as mistake:
-            result.state, result.error = "failed", str(mistake)
-            db.commit()
+        if (result := db.get(Result, result_id)) is None:
             return
-        tasks = assessed(result.method, recording, processed)
-        save_replay(store, result_id, processed.trajectory)
-        result.figures = [row for t in tasks for row in figure_rows(t)]
-        result.content = page_content(processed, tasks, recording)
-        result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
-        result.recording.session.state = "processed"
+        try:
+            _make(db, store, result)
+        except StaleDataError:
+            db.rollback()
+            store.path_of(replay_file(result_id)).unlink(missing_ok=True)
+
+
+def _make(db: Session, store: Store, result: Result) -> None:
+    begin(db, result)
+    try:
+        recording, processed = computed(store, result, lambda share: _progress(db, result, share))
+    except InputError as mistake:
+        result.state, result.error = "failed", str(mistake)
         db.commit()
+        return
+    tasks = assessed(result.method, recording, processed)
+    save_replay(store, result.id, processed.trajectory)
+    result.figures = [row for t in tasks for row in figure_rows(t)]
+    result.content = page_content(processed, tasks, recording)
+    result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
+    result.recording.session.state = "processed"
+    db.commit()
 
 
 def computed(store: Store, result: Result, progress: Callable[[float], None] = lambda share: None) -> tuple[LoadedRecording, Processed]:

@@ -5,11 +5,13 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
+from sqlalchemy import select, text
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
 from sessions import notes, repeatability
 from sessions.database import open_database
+from sessions.tables import ErasedFile
 
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
 
@@ -37,6 +39,10 @@ class Store:
             raise InputError(f"{file!r} lies outside the data folder")
         return path
 
+    def result_files(self, result_id: int) -> list[str]:
+        """Names of the files that are kept of a result: `results/7.npz` and whatever else begins like that."""
+        return sorted(path.relative_to(self.folder).as_posix() for path in (self.folder / "results").glob(f"{result_id}.*"))
+
     def new_recording(self, suffix: str) -> str:
         """A name for a new recording, relative to the folder; InputError where the disk has no room."""
         self.require_room()
@@ -62,6 +68,19 @@ def open_store(folder: Path, url: str | None = None) -> Store:
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     database = open_database(folder, url)
     repeatability.fill(database)
+    store = Store(folder, database, url)
     with database() as db:
         notes.purge(db)
-    return Store(folder, database, url)
+        remove_erased(db, store)
+    return store
+
+
+def remove_erased(db: Session, store: Store) -> None:
+    """Remove files whose rows were erased (sessions/erasing.py), and what the database's log still holds of those."""
+    left = list(db.scalars(select(ErasedFile)))
+    for erased in left:
+        store.path_of(erased.file).unlink(missing_ok=True)
+        db.delete(erased)
+    db.commit()
+    if left and db.get_bind().dialect.name == "sqlite":
+        db.execute(text("PRAGMA wal_checkpoint(TRUNCATE)"))

@@ -1,14 +1,18 @@
 """/api/patients"""
 
+from datetime import date
+from itertools import chain
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import StreamingResponse
 
 from app.api.readings import calibration_reading
 from app.api.sessions import session_row
-from app.api.state import Db, LanguageDep
-from sessions import notes, patients, timeline
+from app.api.state import Db, LanguageDep, PartsDep
+from app.patient_export import exported
+from sessions import erasing, notes, patients, timeline
 from sessions.tables import Note, Patient
 
 router = APIRouter(tags=["patients"])
@@ -35,6 +39,12 @@ class PatientChange(BaseModel):
     affected_hand: str | None = None
     hand_measures: dict[str, dict[str, Any]] | None = Field(None, description="HandGeometry by hand, metres")
     archived: bool | None = None
+
+
+class Erasure(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    pseudonym: str = Field(max_length=200, description="typed by the person who erases, as it is stored")
 
 
 class NewNote(BaseModel):
@@ -89,6 +99,27 @@ def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, An
 @router.patch("/patients/{patient_id}")
 def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, Any]:
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
+
+
+@router.get("/patients/{patient_id}/export.zip")
+def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingResponse:
+    """Everything about a patient: facts, notes, recordings as kept and as Motion-BIDS, results, a manifest with checksums."""
+    pseudonym = patients.get(db, patient_id).pseudonym
+    zipped = exported(parts.store, patient_id)
+    first = next(zipped)
+    name = f"handscope-{''.join(c if c.isascii() and c.isalnum() else '-' for c in pseudonym)}-{date.today().isoformat()}.zip"
+    return StreamingResponse(
+        chain([first], zipped), media_type="application/zip", headers={"Content-Disposition": f'attachment; filename="{name}"'}
+    )
+
+
+@router.post("/patients/{patient_id}/erasure")
+def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> dict[str, int]:
+    """Erase everything about a patient for good; answers with what there was."""
+    sessions = {s.id for s in patients.get(db, patient_id).sessions}
+    line = erasing.erase(db, parts.store, patient_id, wish.pseudonym)
+    parts.stations.close_replays(sessions)
+    return line.counts
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201)

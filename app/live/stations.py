@@ -4,7 +4,7 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,12 @@ class Stations:
         station.__exit__(None, None, None)
         if isinstance(station, Station):
             self._on_finish(station)
+
+    def close_replays(self, sessions: Set[int]) -> None:
+        """End every replay of these sessions: they were erased."""
+        for station in self.all():
+            if isinstance(station, Replay) and station.session in sessions:
+                self.close(station.name)
 
     def _close_oldest_replays(self) -> None:
         replays = sorted((s for s in self._stations.values() if isinstance(s, Replay)), key=lambda s: s.used)

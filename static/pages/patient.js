@@ -2,6 +2,7 @@
 import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as facts from "../patient/facts.js";
+import * as keeping from "../patient/keeping.js";
 import * as measures from "../patient/measures.js";
 import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";
@@ -9,7 +10,7 @@ import { makeRecord } from "../patient/record.js";
 import * as progress from "../progress/progress.js";
 import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 
 export function mount(root, api, { id, go, title }) {
   const box = errorBox();
@@ -29,7 +30,8 @@ export function mount(root, api, { id, go, title }) {
       };
       name(patient);
       const stop = record.watch(name);
-      const parts = [newSession, visits, progress, facts, upload, measures, notes].map((part) => [part, h("section", { class: "card" })]);
+      const all = [newSession, visits, progress, facts, notes, upload, measures, keeping];
+      const parts = all.map((part) => [part, h("section", { class: "card" })]);
       const [session, before, course, ...aside] = parts.map(([, place]) => place);
       root.append(
         h(
@@ -39,7 +41,13 @@ export function mount(root, api, { id, go, title }) {
         ),
         h("div", { class: "beside" }, h("div", { class: "stack" }, session, before, course), h("div", { class: "stack" }, aside)),
       );
-      const unmount = assemble(api, { record, go }, parts);
+      const erased = (counts) => {
+        leave();
+        leave = () => {};
+        root.replaceChildren(farewell(counts));
+        root.querySelector("a").focus();
+      };
+      const unmount = assemble(api, { record, go, erased }, parts);
       leave = () => {
         stop();
         unmount();
@@ -51,6 +59,17 @@ export function mount(root, api, { id, go, title }) {
     gone = true;
     leave();
   };
+}
+
+/** What stands where an erased patient's page was. */
+function farewell(counts) {
+  return h(
+    "section",
+    { class: "card empty", role: "status" },
+    h("strong", {}, t("erased.title")),
+    h("p", {}, t("erased.what", { sessions: counted("sessions", counts.sessions) })),
+    h("a", { class: "button primary", href: "/" }, t("patients.back")),
+  );
 }
 
 function summary(patient) {

@@ -1,6 +1,6 @@
 /** Facts of a patient, shown; "Change" makes them a form. */
 import { h } from "../dom.js";
-import { errorBox, onSubmit, once } from "../forms.js";
+import { errorBox, onSubmit } from "../forms.js";
 import { factFields, factWords } from "./fact_fields.js";
 import { sendChange } from "./record.js";
 import { t } from "../words/words.js";
@@ -15,14 +15,9 @@ export function mount(root, api, { record }) {
   function show() {
     const patient = record.now;
     const rows = NAMES.map((name) => [h("dt", {}, t(`fact.${name}`)), h("dd", {}, factWords(name, patient[name]))]);
-    const archive = h("button", {
-      class: "plain",
-      onclick: () => once(archive, box, () => sendChange(record, api, { archived: !patient.archived }, box, show)),
-    });
-    archive.textContent = t(patient.archived ? "facts.unarchive" : "facts.archive");
     body.replaceChildren(
       h("dl", { class: "facts" }, rows),
-      h("p", { class: "buttons" }, h("button", { onclick: edit }, t("facts.change")), archive),
+      h("p", { class: "buttons" }, h("button", { onclick: edit }, t("facts.change"))),
     );
   }
 

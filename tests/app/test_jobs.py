@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import delete
 
-from app import jobs
+from app import jobs, results
 from app.jobs import Jobs
 from estimators.errors import InputError
 from sessions import patients
@@ -29,8 +30,6 @@ DEATHS: dict[str, Callable[[], object]] = {
 
 def make(result_id: int) -> None:
     """In the working process: what app.results does, with computations that end as their method's name says."""
-    from app import results
-
     results.computed = computed  # type: ignore[assignment]  # of this process only
     assert jobs._store is not None
     results.make(jobs._store, result_id)
@@ -145,3 +144,21 @@ def test_leaving_does_not_wait_for_ever_and_the_next_start_goes_on(store: Store,
             time.sleep(0.01)
     assert told(store, first) == ("queued", "", 0)
     assert told(store, second) == ("queued", "", 0)
+
+
+def test_what_was_erased_while_it_was_computed_leaves_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    (only,) = queued(store, "erased meanwhile")
+    replay = store.path_of(results.replay_file(only))
+
+    def erased(store: Store, result: Result, progress: object) -> None:
+        replay.parent.mkdir()
+        replay.write_bytes(b"movement")
+        with store.database() as db:
+            db.execute(delete(Result))
+            db.commit()
+        raise InputError("nothing to see")
+
+    monkeypatch.setattr(results, "computed", erased)
+    results.make(store, only)
+    assert not replay.exists()
+    results.make(store, only)  # it waited in the queue when it was erased

@@ -1,5 +1,6 @@
 """What the journeys share: the running server, and small steps that several of them take."""
 
+import itertools
 import os
 import re
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from playwright.sync_api import Frame, Locator, Page, expect
 from app.api.access import new_token
 
 ROOT = Path(__file__).parents[2]
+NUMBERS = itertools.count(1)  # of patients made here
 SIZES = {"wide": (1440, 900), "tablet": (1024, 768)}
 LONG = 60_000  # ms: a pose or a task, a computation
 
@@ -45,8 +47,7 @@ def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:
 
 def new_patient(page: Page) -> int:
     """A patient with a code that nobody has."""
-    count = len(api(page, "/api/patients"))
-    made: int = api(page, "/api/patients", "POST", data={"pseudonym": f"J-{count:03d}", "affected_hand": "left"})["id"]
+    made: int = api(page, "/api/patients", "POST", data={"pseudonym": f"J-{next(NUMBERS):03d}", "affected_hand": "left"})["id"]
     return made
 
 

@@ -1,5 +1,6 @@
 """A patient's page: facts, measures, two windows at once, search."""
 
+import zipfile
 from collections.abc import Callable
 
 import pytest
@@ -51,6 +52,11 @@ def test_patients_are_found_by_their_code_and_archived(page: Page, patient: int)
     code = api(page, f"/api/patients/{patient}")["pseudonym"]
     page.get_by_role("button", name="Move to the archive").click()
     expect(page.get_by_text("in the archive")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("in the archive")).to_be_hidden()
+    expect(page.get_by_text("Taken out of the archive.")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("in the archive")).to_be_visible()
     page.get_by_role("link", name="Patients").first.click()
     shown(page.get_by_role("link", name="Demo patient"))
     page.get_by_role("searchbox").fill("demo pat")
@@ -60,6 +66,33 @@ def test_patients_are_found_by_their_code_and_archived(page: Page, patient: int)
     keep_picture(page, "patients-unmatched")
     page.get_by_label("Show the archive instead").check()
     expect(page.get_by_role("link", name=code)).to_be_visible()
+
+
+def test_a_note_is_removed_and_brought_back_and_a_patient_erased_for_good(page: Page, patient: int) -> None:
+    code = api(page, f"/api/patients/{patient}")["pseudonym"]
+    page.get_by_label("New note").fill("Prefers mornings.")
+    page.get_by_role("button", name="Add note").click()
+    page.get_by_role("button", name="Remove").click()
+    expect(page.get_by_text("Note removed.")).to_be_visible()
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("Prefers mornings.")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Export everything (zip)").click()
+    assert download.value.suggested_filename.startswith(f"handscope-{code}-")
+    assert zipfile.is_zipfile(download.value.path())
+
+    page.get_by_text("Erase this patient for good…").click()
+    typed = page.get_by_label(f"To erase, type the patient code: {code}")
+    typed.fill("another")
+    page.get_by_role("button", name="Erase for good").click()
+    expect(page.locator(".error")).to_contain_text("nothing was erased")
+    keep_picture(page, "patient-erase")
+    typed.fill(code)
+    page.get_by_role("button", name="Erase for good").click()
+    expect(page.get_by_text("The patient was erased")).to_be_visible()
+    keep_picture(page, "patient-erased")
+    page.reload()
+    expect(page.locator(".error")).to_contain_text("it may have been erased")
 
 
 def test_a_code_that_is_taken_is_refused_beside_the_form(page: Page) -> None:

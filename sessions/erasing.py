@@ -1,0 +1,51 @@
+"""Erase a patient for good: rows, recordings, results and files. What stays is a line that says that something was erased, not whose it was.
+
+Rows and the list of files go in one transaction, then the files: a power cut in between is finished by the next start. SQLite overwrites what it
+deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
+"""
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session, selectinload
+
+from estimators.errors import InputError
+from sessions import patients
+from sessions.store import Store, remove_erased
+from sessions.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
+
+
+def erase(db: Session, store: Store, patient_id: int, typed: str) -> AuditLine:
+    """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on."""
+    patient = patients.get(db, patient_id)
+    if " ".join(typed.split()) != patient.pseudonym:
+        raise InputError(f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased")
+    sessions = list(db.scalars(_of(patient)))
+    recordings = [f for s in sessions for f in s.recordings]
+    results = [r for f in recordings for r in f.results]
+    _require_rest(patient, sessions, results)
+    files = {f.file for f in recordings} | {name for r in results for name in store.result_files(r.id)}
+    paths = [path for file in files if (path := store.path_of(file)).exists()]
+    counts = {
+        "sessions": len(sessions),
+        "recordings": len(recordings),
+        "results": len(results),
+        "notes": len(patient.notes),
+        "bytes": sum(path.stat().st_size for path in paths),
+    }
+    line = AuditLine(what="patient erased", counts=counts)
+    db.add_all([line, *(ErasedFile(file=file) for file in sorted(files))])
+    db.delete(patient)
+    db.commit()
+    remove_erased(db, store)
+    return line
+
+
+def _of(patient: Patient) -> Select[PatientSession]:
+    everything = selectinload(PatientSession.recordings).selectinload(RecordingFile.results)
+    return select(PatientSession).where(PatientSession.patient_id == patient.id).options(everything)
+
+
+def _require_rest(patient: Patient, sessions: list[PatientSession], results: list[Result]) -> None:
+    if any(s.state == "open" for s in sessions):
+        raise InputError(f"a session of {patient.pseudonym} is not finished; finish it first, nothing was erased")
+    if any(r.state == "running" for r in results):
+        raise InputError(f"results of {patient.pseudonym} are being computed; wait until they are ready, nothing was erased")
