@@ -4,7 +4,8 @@ import hashlib
 import lzma
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from estimators.errors import InputError
@@ -13,9 +14,12 @@ MOST_FILES = 10_000
 MOST_BYTES = 4 * 2**30  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
 MOST_RATIO = 400  # of unpacked to packed; numbers as text stay below 20
 WANTED = (".tsv", ".json")
+PIECE = 2**20  # bytes read at a time: a recording is never as a whole in memory as text
+Pieces = Callable[[], Iterator[bytes]]  # opens a file and gives its bytes
+Files = Mapping[str, Pieces]  # by relative path
 
 
-def open_files(path: Path) -> Mapping[str, Callable[[], bytes]]:
+def open_files(path: Path) -> Files:
     """Readers of the .tsv and .json files by relative path; InputError where the place is no folder or zip that can be read."""
     if path.is_dir():
         return _folder(path)
@@ -33,22 +37,34 @@ def open_files(path: Path) -> Mapping[str, Callable[[], bytes]]:
     return _zip(path)
 
 
-def checksum(files: Mapping[str, Callable[[], bytes]]) -> str:
+def whole(file: Pieces) -> bytes:
+    """All of a small file."""
+    return b"".join(file())
+
+
+def checksum(files: Files) -> str:
     """sha256 over the files' names and contents in order of name."""
     total = hashlib.sha256()
     for name in sorted(files):
-        total.update(name.encode() + b"\0" + files[name]())
+        total.update(name.encode() + b"\0")
+        for piece in files[name]():
+            total.update(piece)
     return total.hexdigest()
 
 
-def _folder(path: Path) -> dict[str, Callable[[], bytes]]:
+def _folder(path: Path) -> dict[str, Pieces]:
     found = sorted(p for p in path.rglob("*") if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve()))
     if len(found) > MOST_FILES:
         raise InputError(f"{path} holds more than {MOST_FILES} files; give the folder of one recording")
-    return {p.relative_to(path).as_posix(): p.read_bytes for p in found}
+    return {p.relative_to(path).as_posix(): partial(_of_file, p) for p in found}
 
 
-def _zip(path: Path) -> dict[str, Callable[[], bytes]]:
+def _of_file(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        yield from iter(partial(file.read, PIECE), b"")
+
+
+def _zip(path: Path) -> dict[str, Pieces]:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -56,7 +72,7 @@ def _zip(path: Path) -> dict[str, Callable[[], bytes]]:
         raise InputError(f"{path.name} is a damaged or cut zip; copy or download it again") from None
     _refuse_tricks(path.name, entries)
     return {
-        e.filename: _reader(path, e)
+        e.filename: partial(_unpacked, path, e)
         for e in entries
         if PurePosixPath(e.filename).suffix in WANTED and not e.filename.startswith("__MACOSX/")
     }
@@ -82,15 +98,14 @@ def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
         raise InputError(f"{name} unpacks to {total / 2**30:.1f} GB, more than {MOST_BYTES / 2**30:.0f} GB; split the recording")
 
 
-def _reader(path: Path, entry: zipfile.ZipInfo) -> Callable[[], bytes]:
-    def read() -> bytes:
-        try:
-            with zipfile.ZipFile(path) as archive, archive.open(entry) as file:
-                data = file.read(entry.file_size + 1)
-        except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, NotImplementedError, RuntimeError):
-            raise InputError(f"{path.name} is damaged at {entry.filename!r}; copy or download it again") from None
-        if len(data) > entry.file_size:
-            raise InputError(f"{path.name} lies about the size of {entry.filename!r}; it was not opened")
-        return data
-
-    return read
+def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+    length = 0
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open(entry) as file:
+            for piece in iter(partial(file.read, PIECE), b""):
+                length += len(piece)
+                if length > entry.file_size:
+                    raise InputError(f"{path.name} lies about the size of {entry.filename!r}; it was not opened")
+                yield piece
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, NotImplementedError, RuntimeError):
+        raise InputError(f"{path.name} is damaged at {entry.filename!r}; copy or download it again") from None

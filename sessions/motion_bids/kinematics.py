@@ -18,8 +18,8 @@ from estimators.marker_clusters import Markers
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.trajectory import Trajectory
-from sessions.motion_bids.files import open_files
-from sessions.motion_bids.reader import NAME, Files, System, events_of, times_of
+from sessions.motion_bids.files import Files, open_files, whole
+from sessions.motion_bids.reader import NAME, System, events_of, times_of
 from sessions.motion_bids.tables import json_object, numbers, rows
 
 UNITS: dict[str, dict[str, float]] = {
@@ -58,7 +58,7 @@ def tables_at(path: Path) -> tuple[Files, list[str], bool]:
         beside = name.replace("_motion.tsv", "_channels.tsv")
         if not name.endswith("_motion.tsv") or beside not in files or (wanted and name != wanted):
             continue
-        types = {row["type"].upper() for row in rows(files[beside](), PurePosixPath(beside).name, ("type",)).values()}
+        types = {row["type"].upper() for row in rows(whole(files[beside]), PurePosixPath(beside).name, ("type",)).values()}
         raw = not name.startswith("derivatives/") and "_desc-" not in name
         inertial |= raw and "GYRO" in types
         if types & {"JNTANG", "ORNT", "POS"} and "GYRO" not in types:
@@ -74,8 +74,8 @@ def load(files: Files, path: str, hand: Hand | None = None) -> Kinematics:
         raise InputError(f"{PurePosixPath(base).name}_motion.json is missing beside {name}")
     match = NAME.search(path)
     needed = ("name", "component", "type", "tracked_point", "units")
-    channels = list(rows(files[f"{base}_channels.tsv"](), f"{PurePosixPath(base).name}_channels.tsv", needed).values())
-    sidecar = json_object(files[f"{base}_motion.json"](), f"{PurePosixPath(base).name}_motion.json")
+    channels = list(rows(whole(files[f"{base}_channels.tsv"]), f"{PurePosixPath(base).name}_channels.tsv", needed).values())
+    sidecar = json_object(whole(files[f"{base}_motion.json"]), f"{PurePosixPath(base).name}_motion.json")
     system = System(match["system"] if match else name, path, sidecar, channels)
     table = numbers(files[path](), name, len(channels))
     if len(table) < 2:

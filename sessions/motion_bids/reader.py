@@ -1,7 +1,7 @@
 """Open a Motion-BIDS recording, a folder or a zip of it, by the rules of docs/motion-bids.md."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -13,7 +13,7 @@ from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
 from estimators.quaternions import Array
 from estimators.samples import ACC, EXTRA_POINTS, FORCE, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
-from sessions.motion_bids.files import checksum, open_files
+from sessions.motion_bids.files import Files, checksum, open_files, whole
 from sessions.motion_bids.tables import MISSING, json_object, numbers, rows
 from sessions.recording import LoadedRecording, require_samples
 
@@ -27,7 +27,6 @@ UNITS: dict[str, dict[str, float]] = {
 }
 RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
 SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
-Files = Mapping[str, Callable[[], bytes]]
 NAME = re.compile(r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$")
 
 
@@ -114,9 +113,9 @@ def _systems(files: Files, inside: str) -> list[System]:
             if beside not in files:
                 raise InputError(f"{PurePosixPath(beside).name} is missing beside {PurePosixPath(path).name}")
         needed = ("name", "component", "type", "tracked_point", "units")
-        channels = list(rows(files[f"{base}_channels.tsv"](), PurePosixPath(base).name + "_channels.tsv", needed).values())
+        channels = list(rows(whole(files[f"{base}_channels.tsv"]), PurePosixPath(base).name + "_channels.tsv", needed).values())
         systems.append(
-            System(m["system"], path, json_object(files[f"{base}_motion.json"](), PurePosixPath(base).name + "_motion.json"), channels)
+            System(m["system"], path, json_object(whole(files[f"{base}_motion.json"]), PurePosixPath(base).name + "_motion.json"), channels)
         )
     return systems
 
@@ -281,7 +280,7 @@ def events_of(files: Files, inside: str) -> tuple[Event, ...]:
     events = []
     for path in sorted(names):
         name = PurePosixPath(path).name
-        for number, row in rows(files[path](), name, ("onset", "duration", "trial_type")).items():
+        for number, row in rows(whole(files[path]), name, ("onset", "duration", "trial_type")).items():
             events.append(_event(row, f"{name}, line {number}"))
     return tuple(sorted(events, key=lambda e: e.onset))
 

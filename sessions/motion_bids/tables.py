@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from estimators.errors import InputError
 from estimators.quaternions import Array
 
 MISSING = "n/a"
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def json_object(data: bytes, name: str) -> dict[str, Any]:
@@ -45,25 +47,38 @@ def rows(data: bytes, name: str, required: tuple[str, ...]) -> dict[int, dict[st
     return table
 
 
-def numbers(data: bytes, name: str, columns: int) -> Array:
-    """A table without header as (n, columns) float64; n/a and NaN are NaN."""
-    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"n/a", b"nan").rstrip()
-    if not text:
-        return np.empty((0, columns))
+def numbers(text: Iterable[bytes], name: str, columns: int) -> Array:
+    """A table without header as (n, columns) float64; n/a and NaN are NaN. Read piece by piece: as text it is several times as large."""
+    parts, left, line = [np.empty((0, columns))], b"", 1
+    for piece in text:
+        left = (left + piece).removeprefix(BYTE_ORDER_MARK) if line == 1 else left + piece
+        end = left.rstrip().rfind(b"\n")
+        if end >= 0:
+            parts.append(_parsed(left[:end], name, columns, line))
+            left, line = left[end + 1 :], line + left.count(b"\n", 0, end) + 1
+    if left := left.rstrip():
+        parts.append(_parsed(left, name, columns, line))
+    return np.concatenate(parts)
+
+
+def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
+    """Whole lines of a table, the first of them with number `line`."""
+    text = text.replace(b"n/a", b"nan")
     if b"\n\n" in text or b"\n\r" in text or text[:1] in b"\r\n":  # an empty line would move all samples behind it
-        raise InputError(_first_fault(text, name, columns))
+        raise InputError(_first_fault(text, name, columns, line))
     try:
         table: Array = np.loadtxt(io.BytesIO(text), delimiter="\t", ndmin=2, comments=None, encoding="utf-8")
     except (ValueError, UnicodeDecodeError):
-        raise InputError(_first_fault(text, name, columns)) from None
+        raise InputError(_first_fault(text, name, columns, line)) from None
     if table.shape[1] != columns:
-        raise InputError(f"{name} has {table.shape[1]} columns, its channels.tsv names {columns}")
+        everywhere = f"{name} has {table.shape[1]} columns, its channels.tsv names {columns}"
+        raise InputError(everywhere if line == 1 else _first_fault(text, name, columns, line))
     table[np.isinf(table)] = np.nan
     return table
 
 
-def _first_fault(text: bytes, name: str, columns: int) -> str:
-    for number, line in enumerate(text.splitlines(), start=1):
+def _first_fault(text: bytes, name: str, columns: int, first: int) -> str:
+    for number, line in enumerate(text.splitlines(), start=first):
         cells = line.split(b"\t")
         if len(cells) != columns:
             return f"{name}, line {number}: {len(cells)} columns, its channels.tsv names {columns}"

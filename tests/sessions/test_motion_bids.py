@@ -246,7 +246,7 @@ def test_numbers_are_written_with_just_the_digits_that_bring_them_back(rng: np.r
         [rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-300, 300, (50, 1)), [[0.0, -0.0, np.nan], [1e-7, 5e-324, 1 / 3]]]
     )
     text = bytes(NumberTable((table,)))
-    np.testing.assert_array_equal(reader.numbers(text, "x", 3), table)
+    np.testing.assert_array_equal(reader.numbers([text], "x", 3), table)
     assert b"n/a" in text
     assert bytes(NumberTable((np.empty((0, 3)),))) == b""
 
