@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import float64, guvectorize
+from numba import boolean, float64, guvectorize
 from numpy.typing import NDArray
 
 Compiled = Callable[..., NDArray[np.float64]]
+Told = Callable[..., NDArray[np.bool_]]
 
 
 def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:
@@ -20,25 +21,30 @@ def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:
 
     Sums are never reordered (no fastmath), so a row's result does not depend on its neighbours. NaN is what is not known: it passes through, unwarned.
     """
+    return lambda kernel: _over_rows(kernel, layout, float64)
+
+
+def told_by_row(layout: str) -> Callable[[Callable[..., None]], Told]:
+    """As `rowwise`, of a kernel that says yes or no."""
+    return lambda kernel: _over_rows(kernel, layout, boolean)
+
+
+def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Callable[..., Any]:
     taken, given = layout.split("->")
-    types = tuple([_typed(core, scalar=float64) for core in _cores(taken)] + [_typed(core, scalar=float64[:]) for core in _cores(given)])
+    types = [_typed(core, float64, float64) for core in _cores(taken)] + [_typed(core, gives, gives[:]) for core in _cores(given)]
+    ufunc = guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
 
-    def compiled(kernel: Callable[..., None]) -> Compiled:
-        ufunc = guvectorize([types], layout, nopython=True, cache=True)(kernel).ufunc
+    def over_rows(*arrays: Any) -> Any:
+        with np.errstate(invalid="ignore"):
+            return ufunc(*arrays)
 
-        def over_rows(*arrays: Any) -> Any:
-            with np.errstate(invalid="ignore"):
-                return ufunc(*arrays)
-
-        return over_rows
-
-    return compiled
+    return over_rows
 
 
 def _cores(layout: str) -> list[str]:
     return re.findall(r"\(([^)]*)\)", layout)
 
 
-def _typed(core: str, scalar: Any) -> Any:
+def _typed(core: str, each: Any, scalar: Any) -> Any:
     dimensions = len([d for d in core.split(",") if d.strip()])
-    return float64[(slice(None),) * dimensions] if dimensions else scalar
+    return each[(slice(None),) * dimensions] if dimensions else scalar

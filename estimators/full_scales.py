@@ -28,10 +28,12 @@ def limits(block: Block, quantity: str) -> Array:
     """Where each sensor clips (sensors,): its known full scale, a value that its readings repeat, or inf."""
     if quantity in block.stream.full_scale:
         return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
-    size = np.abs(block.of(quantity))
+    values = block.of(quantity)
+    furthest = np.maximum(np.fmax.reduce(values, axis=0, initial=0.0), -np.fmin.reduce(values, axis=0, initial=0.0))
+    if (furthest < LEAST[quantity]).all():
+        return np.full(len(furthest), np.inf)
+    size = np.abs(values)
     largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
-    if (largest < LEAST[quantity]).all():
-        return np.full(len(largest), np.inf)
     top = size == largest
     in_a_row = (top[2:] & top[1:-1] & top[:-2]).any(axis=0)
     usual = (np.abs(largest[..., None] / USUAL[quantity] - 1.0) < NEAR).any(axis=-1)

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.compiled import told_by_row
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -60,7 +61,7 @@ class Block:
         limit = self.stream.full_scale.get(quantity)
         if limit is None or quantity not in self.stream.quantities:
             return np.zeros(self.values.shape[:2], dtype=bool)
-        return some(np.abs(self.of(quantity)) >= SATURATION * limit)
+        return beyond(self.of(quantity), SATURATION * limit)
 
     def between(self, start: float, stop: float) -> "Block":
         """The samples with start <= t < stop."""
@@ -120,9 +121,10 @@ def every(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(flags[..., 0] & flags[..., 1] & flags[..., 2])
 
 
-def some(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether one of a vector's components is true: (..., 3) -> (...)."""
-    return np.asarray(flags[..., 0] | flags[..., 1] | flags[..., 2])
+@told_by_row("(v),()->()")
+def beyond(vector: Array, limit: float, told: NDArray[np.bool_]) -> None:
+    """Whether one of a vector's components (..., 3) is as large as a limit (...): no for what is missing."""
+    told[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
 
 
 def join(blocks: list[Block]) -> Block:

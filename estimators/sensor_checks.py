@@ -13,7 +13,7 @@ import numpy as np
 from estimators import full_scales, standstill
 from estimators.finding import Finding
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, SATURATION, Block, some
+from estimators.samples import ACC, GYR, MAG, SATURATION, Block, beyond
 from estimators.standstill import WORDS, runs
 
 G = 9.80665
@@ -33,7 +33,7 @@ def check(blocks: Sequence[Block], rest: tuple[float, float]) -> list[Finding]:
 def _clipped(block: Block, quantity: str) -> list[Finding]:
     """Sensors at their limit, by the known full scale or, without one, by largest readings that repeat."""
     limit = full_scales.limits(block, quantity)
-    hit, found = some(np.abs(block.of(quantity)) >= SATURATION * limit[:, None]), []
+    hit, found = beyond(block.of(quantity), SATURATION * limit), []
     for k, sensor in enumerate(block.stream.sensors):
         if hit[:, k].any():
             spans = tuple((float(block.t[a]), float(block.t[b - 1])) for a, b in runs(hit[:, k]))

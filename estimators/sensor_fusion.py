@@ -8,6 +8,7 @@ Limits  without magnetometer the heading drifts with what is left of the gyrosco
 """
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,9 +19,10 @@ from vqf import VQF
 
 from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
+from estimators.compiled import told_by_row
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream, every, some
+from estimators.samples import ACC, GYR, MAG, Block, Stream, every
 from estimators.trajectory import Flag
 
 LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
@@ -150,8 +152,13 @@ def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Orien
 
 def complete(block: Block) -> NDArray[np.bool_]:
     """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
-    gyr, acc = block.of(GYR), block.of(ACC)
-    return every(np.isfinite(gyr)) & every(np.isfinite(acc)) & some(acc != 0)
+    return _complete(block.of(GYR), block.of(ACC))
+
+
+@told_by_row("(v),(v)->()")
+def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
+    total = gyr[0] + gyr[1] + gyr[2] + acc[0] + acc[1] + acc[2]
+    told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
 
 
 def _advance(
