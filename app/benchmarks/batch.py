@@ -4,21 +4,19 @@ import multiprocessing
 import statistics
 import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 from vqf import VQF
 
-from app.benchmarks import Metric
+from app.benchmarks import Metric, peak
 from estimators.hand_anatomy import SEGMENTS
 from estimators.hand_geometry import sized
 from estimators.methods import METHODS
 from estimators.processing import process
-from estimators.samples import ACC, GYR, Block, Event, Stream
+from estimators.samples import ACC, GYR, Block
 from estimators.simulation.magnetic_field import homogeneous
 from estimators.simulation.scenario import Simulated, simulate
 from estimators.simulation.sensors import SensorErrors
-from sessions.recording import LoadedRecording
 
 SENSORS = tuple(s for s in SEGMENTS if s != "forearm")
 MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")
@@ -70,17 +68,4 @@ def _memory(minutes: int) -> float:
         np.save(f"{folder}/t.npy", block.t)
         np.save(f"{folder}/values.npy", block.values)
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            return float(pool.apply(_peak, (folder, block.stream, recording.events)))
-
-
-def _peak(folder: str, stream: Stream, events: tuple[Event, ...]) -> float:
-    block = Block(stream, np.load(f"{folder}/t.npy"), np.load(f"{folder}/values.npy"))
-    recording = LoadedRecording("left", sized("left"), {}, {stream.name: block}, events)
-    process(METHODS["m2"], METHODS["m2"].Params(), recording)
-    return _high_water()
-
-
-def _high_water() -> float:
-    """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
-    status = Path("/proc/self/status").read_text()
-    return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM"))) / 1024
+            return float(pool.apply(peak.of_processing, (folder, block.stream, recording.events)))
