@@ -11,6 +11,7 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import measures_from
 from sessions.conflicts import ConflictError, require_seen
+from sessions.pseudonyms import require_code
 from sessions.tables import Note, Patient, PatientSession
 
 Rows = TypeVarTuple("Rows")
@@ -19,8 +20,10 @@ YEARS = (1900, 2100)
 CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "archived")
 
 
-def create(db: Session, pseudonym: str, note: str = "", **facts: Any) -> Patient:
-    """Keep a new patient, with a first note where one is given; InputError where the pseudonym is empty or taken."""
+def create(db: Session, pseudonym: str, note: str = "", confirmed: bool = False, **facts: Any) -> Patient:
+    """Keep a new patient, with a first note where one is given; InputError where the pseudonym is empty, taken or, not confirmed, may be a name."""
+    taken = db.scalar(select(Patient.id).where(Patient.pseudonym == " ".join(pseudonym.split())))
+    require_code(pseudonym, confirmed or taken is not None)
     patient = Patient(pseudonym=pseudonym, notes=[Note(text=note.strip())] if note.strip() else [], **facts)
     _check(patient)
     db.add(patient)
@@ -65,13 +68,15 @@ def get(db: Session, patient_id: int) -> Patient:
     return patient
 
 
-def change(db: Session, patient_id: int, version: int, **facts: Any) -> Patient:
-    """Change facts of a patient as it stood at `version`; InputError where somebody else changed it meanwhile."""
+def change(db: Session, patient_id: int, version: int, confirmed: bool = False, **facts: Any) -> Patient:
+    """Change facts of a patient as it stood at `version`; ConflictError where somebody else changed it meanwhile."""
     patient = get(db, patient_id)
     require_seen(f"patient {patient.pseudonym!r}", patient.version, version)
     unknown = set(facts) - set(CHANGEABLE)
     if unknown:
         raise InputError(f"a patient has no {sorted(unknown)[0]!r}")
+    if facts.get("pseudonym", patient.pseudonym) != patient.pseudonym:
+        require_code(facts["pseudonym"] or "", confirmed)
     for name, value in facts.items():
         setattr(patient, name, value)
     try:

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,9 @@ def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: 
     place = store.new_recording(suffix)
     shutil.move(upload, store.path_of(place))
     try:
-        session = PatientSession(patient=patient, hand=recording.hand, geometry={}, state="recorded", finished=now())
+        moment = now()
+        session = PatientSession(patient=patient, hand=recording.hand, geometry={}, state="recorded", finished=moment)
+        session.started = _start_of(recording) or moment
         kind = "native" if suffix == native.SUFFIX else "motion-bids"
         file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
         _describe(file, store, recording)
@@ -98,6 +101,15 @@ def _opened(upload: Path, name: str, hand: Hand | None) -> LoadedRecording:
         return formats.load(upload, hand)
     except InputError as mistake:
         raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+
+
+def _start_of(recording: LoadedRecording) -> datetime | None:
+    """When it was recorded, where it tells that with its zone."""
+    try:
+        start = datetime.fromisoformat(recording.start_utc or "")
+    except ValueError:
+        return None
+    return start if start.tzinfo else start.replace(tzinfo=UTC)
 
 
 def _describe(file: RecordingFile, store: Store, recording: LoadedRecording | None = None) -> None:

@@ -2,9 +2,10 @@
 import { t } from "./words/words.js";
 
 export class ApiError extends Error {
-  constructor(sentence, status = 0) {
+  constructor(sentence, status = 0, confirm = []) {
     super(sentence);
     this.status = status;
+    this.confirm = confirm; // doubts that a person may confirm away
   }
 }
 
@@ -33,7 +34,7 @@ export function makeApi(stranger = () => location.assign("/login")) {
       throw new ApiError(t("error.unreachable"));
     }
     if (response.status === 401) stranger();
-    if (!response.ok) throw new ApiError(await sentence(response), response.status);
+    if (!response.ok) throw await refusal(response);
     return response;
   }
 
@@ -77,10 +78,7 @@ function upload(path, form, progress) {
   });
 }
 
-async function sentence(response) {
-  try {
-    return (await response.json()).error ?? t("error.unreadable");
-  } catch {
-    return t("error.unreadable");
-  }
+async function refusal(response) {
+  const told = await response.json().catch(() => ({}));
+  return new ApiError(told.error ?? t("error.unreadable"), response.status, told.confirm);
 }

@@ -40,6 +40,7 @@ export function errorBox() {
   return {
     element,
     show: (error, ...more) => element.replaceChildren(h("div", { class: "error" }, h("p", {}, String(error.message ?? error)), more)),
+    warn: (...parts) => element.replaceChildren(h("div", { class: "warning" }, parts)),
     clear: () => element.replaceChildren(),
   };
 }

@@ -10,6 +10,7 @@ from starlette.responses import JSONResponse
 from app.api.state import preferred
 from estimators.errors import InputError
 from sessions.conflicts import ConflictError
+from sessions.pseudonyms import UnconfirmedError
 
 log = logging.getLogger(__name__)
 
@@ -19,7 +20,11 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ConflictError)
     async def conflict(request: Request, error: ConflictError) -> JSONResponse:
-        return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse({"error": preferred(request).heard(str(error))}, 409)
+
+    @app.exception_handler(UnconfirmedError)
+    async def unconfirmed(request: Request, error: UnconfirmedError) -> JSONResponse:
+        return JSONResponse({"error": preferred(request).heard(str(error)), "confirm": error.doubts}, 422)
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:

@@ -12,8 +12,8 @@ from app.api.readings import calibration_reading
 from app.api.sessions import session_row
 from app.api.state import Db, LanguageDep, PartsDep
 from app.patient_export import exported
-from sessions import erasing, notes, patients, timeline
-from sessions.tables import Note, Patient
+from sessions import dates, erasing, notes, patients, timeline
+from sessions.tables import Note, Patient, now
 
 router = APIRouter(tags=["patients"])
 MOST = 200  # patients in one answer
@@ -27,6 +27,7 @@ class NewPatient(BaseModel):
     dominant_hand: str | None = None
     affected_hand: str | None = None
     note: str = Field("", max_length=notes.LONGEST)
+    confirmed: bool = Field(False, description="that the pseudonym is a code although it looks like a name")
 
 
 class PatientChange(BaseModel):
@@ -39,6 +40,7 @@ class PatientChange(BaseModel):
     affected_hand: str | None = None
     hand_measures: dict[str, dict[str, Any]] | None = Field(None, description="HandGeometry by hand, metres")
     archived: bool | None = None
+    confirmed: bool = Field(False, description="that the pseudonym is a code although it looks like a name")
 
 
 class Erasure(BaseModel):
@@ -84,16 +86,24 @@ def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
 @router.get("/patients/{patient_id}")
 def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, Any]:
     """A patient with notes and all sessions, the newest first."""
-    patient = patients.get(db, patient_id)
-    visits = [
+    patient, clock, visits = patients.get(db, patient_id), now(), timeline.visits(db, patient_id)
+    sessions = [v.session for v in visits]
+    doubts = dates.doubts(patient, sessions, clock)
+    rows = [
         {
             **session_row(v.session),
             "calibration": calibration_reading(v.calibration, language),
             "warnings": v.warnings,
+            "doubts": doubts[v.session.id],
         }
-        for v in timeline.visits(db, patient_id)
+        for v in visits
     ]
-    return {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None], "sessions": visits}
+    return {
+        **patient_row(patient),
+        "notes": [note_row(n) for n in patient.notes if n.removed is None],
+        "sessions": rows,
+        "clock": {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)},
+    }
 
 
 @router.patch("/patients/{patient_id}")

@@ -17,8 +17,8 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.methods import METHODS
 from estimators.options import describe
-from sessions import corrections, native, patients, records, results
-from sessions.tables import Correction, PatientSession, RecordingFile, Result
+from sessions import corrections, dates, native, patients, records, results
+from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
 
 router = APIRouter(tags=["sessions"])
 PIECE = 2**20
@@ -107,8 +107,19 @@ def unfinished_sessions(db: Db, parts: PartsDep) -> list[dict[str, Any]]:
     for session in records.abandoned(db):
         station = parts.stations.of_session(session.id)
         patient = {"id": session.patient_id, "pseudonym": session.patient.pseudonym}
-        found.append({**session_row(session), "patient": patient, "station": station.name if station else None})
+        overnight = now() - session.started > dates.OVERNIGHT
+        found.append({**session_row(session), "patient": patient, "station": station.name if station else None, "overnight": overnight})
     return found
+
+
+@router.post("/sessions/{session_id}/closing", status_code=204)
+def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
+    """Finish a session that was left open: what its recording holds is kept and processed."""
+    session = records.get(db, session_id)
+    if station := parts.stations.of_session(session_id):
+        parts.stations.close(station.name)
+    elif session.state == "open" and records.close(db, parts.store, session_id).state == "recorded":
+        _queue(db, parts, session, "m2", {})
 
 
 @router.get("/sessions/{session_id}")
@@ -182,7 +193,7 @@ def session_row(s: PatientSession) -> dict[str, Any]:
         "finished": s.finished,
         "examiner": s.examiner,
         "notes": s.notes,
-        "source": "live" if any(f.format == "native" and not f.original_name for f in s.recordings) else "upload",
+        "source": "live" if dates.measured_here(s) else "upload",
         "duration": next((f.summary.get("duration") for f in s.recordings if f.summary), None),
         "tasks": [e["task"] for f in s.recordings for e in f.summary.get("events", []) if e["trial_type"] == "task"],
     }

@@ -31,6 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
             patients.create(
                 db,
                 "Demo patient",
+                confirmed=True,
                 dominant_hand="right",
                 affected_hand="left",
                 year_of_birth=1960,

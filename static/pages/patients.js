@@ -2,6 +2,7 @@
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as newPatient from "../patient/new_patient.js";
+import * as notFinished from "../patient/unfinished.js";
 import { counted, day, t, whole } from "../words/words.js";
 
 const PAGE = 50;
@@ -10,6 +11,7 @@ export function mount(root, api, { go, title }) {
   title(t("patients.title"));
   const form = h("section", { class: "card", hidden: true, "aria-label": t("patients.new") });
   const list = h("div", { class: "card" });
+  const unfinished = h("div", {});
   const box = errorBox();
   const search = h("input", {
     type: "search",
@@ -66,10 +68,13 @@ export function mount(root, api, { go, title }) {
 
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
+    unfinished,
     h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list)),
   );
   draw();
+  const leaveUnfinished = notFinished.mount(unfinished, api);
   return () => {
+    leaveUnfinished();
     asked += 1;
     leaveForm?.();
   };

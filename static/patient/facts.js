@@ -1,6 +1,7 @@
 /** Facts of a patient, shown; "Change" makes them a form. */
 import { h } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
+import { confirming } from "./second_look.js";
 import { factFields, factWords } from "./fact_fields.js";
 import { sendChange } from "./record.js";
 import { t } from "../words/words.js";
@@ -33,9 +34,8 @@ export function mount(root, api, { record }) {
       h("button", { type: "button", onclick: close }, t("cancel")),
     ];
     const form = h("form", { novalidate: true }, fields.elements, h("div", { class: "buttons" }, buttons));
-    onSubmit(form, box, async () => {
-      if (await sendChange(record, api, fields.values(), box, fields.set)) close();
-    });
+    const send = (more) => sendChange(record, api, { ...fields.values(), ...more }, box, fields.set);
+    onSubmit(form, box, () => confirming(box, send, (done) => done && close()));
     body.replaceChildren(form);
     fields.first.focus();
   }

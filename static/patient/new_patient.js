@@ -1,6 +1,7 @@
 /** The form for a new patient: a code, never a name. */
 import { h } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
+import { confirming } from "./second_look.js";
 import { factFields } from "./fact_fields.js";
 import { t } from "../words/words.js";
 
@@ -20,7 +21,7 @@ export function mount(root, api, { done, cancel }) {
       h("button", { type: "button", onclick: cancel }, t("cancel")),
     ),
   );
-  onSubmit(form, box, async () => done(await api.post("/api/patients", fields.values())));
+  onSubmit(form, box, () => confirming(box, (more) => api.post("/api/patients", { ...fields.values(), ...more }), done));
   root.append(form);
   fields.first.focus();
   return () => form.remove();

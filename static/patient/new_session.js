@@ -1,9 +1,10 @@
 /** Begin a live session: which hand, which glove; then to the station. */
 import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit } from "../forms.js";
-import { t } from "../words/words.js";
+import { dayAndTime, t } from "../words/words.js";
 
 const OTHER = "?";
+const CLOCKS = 5 * 60_000; // ms that the clocks of browser and server may differ
 
 export function mount(root, api, { record, go }) {
   const box = errorBox();
@@ -80,11 +81,20 @@ export function mount(root, api, { record, go }) {
     });
     go(`/stations/${begun.station}`);
   });
-  root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), form);
+  root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), ...clockWarnings(patient), form);
   look().catch((error) => gone || box.show(error));
   return () => {
     gone = true;
   };
+}
+
+/** What speaks against the clock that dates the session. */
+function clockWarnings({ clock, sessions }) {
+  const browser = Math.abs(Date.now() - new Date(clock.now)) > CLOCKS ? ["browser"] : [];
+  const last = sessions.length ? dayAndTime(sessions[0].started) : "";
+  return [...clock.doubts, ...browser].map((doubt) =>
+    h("p", { class: "warning" }, t(`clock.${doubt}`, { now: dayAndTime(clock.now), last }), " ", t("clock.next")),
+  );
 }
 
 function capital(text) {

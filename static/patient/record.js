@@ -48,7 +48,7 @@ export async function sendChange(record, api, facts, box, takeStored) {
 }
 
 function differences(facts, stored) {
-  const other = Object.keys(facts).filter((name) => JSON.stringify(facts[name]) !== JSON.stringify(stored[name]));
+  const other = Object.keys(facts).filter((name) => name in stored && JSON.stringify(facts[name]) !== JSON.stringify(stored[name]));
   const rows = other.map((name) => {
     const words = (value) => (typeof value === "object" && value ? t("conflict.other_values") : factWords(name, value));
     return h("li", {}, t("conflict.row", { fact: known(`fact.${name}`, name), stored: words(stored[name]), mine: words(facts[name]) }));

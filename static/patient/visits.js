@@ -1,10 +1,11 @@
-/** What was done before: the patient's sessions, the newest first. */
+/** What was done before: the patient's sessions, the newest first, with their calibration and whatever needs a look. */
 import { h } from "../dom.js";
-import { clock, dayAndTime, t } from "../words/words.js";
+import { closing } from "./unfinished.js";
+import { clock, counted, dayAndTime, t } from "../words/words.js";
 
 const KIND = { processed: "good", failed: "bad", open: "warn" };
 
-export function mount(root, api, { record }) {
+export function mount(root, api, { record, go }) {
   const list = h("div", {});
   root.append(h("h2", {}, t("visits.title")), list);
   let gone = false;
@@ -17,11 +18,12 @@ export function mount(root, api, { record }) {
     const sessions = record.now.sessions;
     if (!sessions.length)
       return list.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("visits.empty")), t("visits.empty.next")));
+    const finished = (session) => go(`/sessions/${session.id}`);
     return list.replaceChildren(
       h(
         "ol",
         { class: "visits" },
-        sessions.map((s) => visit(s, titles)),
+        sessions.map((s) => visit(s, titles, s.doubts.includes("overnight") && closing(api, s, () => finished(s)))),
       ),
     );
   }
@@ -31,19 +33,29 @@ export function mount(root, api, { record }) {
   };
 }
 
-function visit(session, titles) {
+function visit(session, titles, finish) {
   const tasks = [...new Set(session.tasks)].map((name) => titles.get(name) ?? name).join(", ");
   const facts = [
     t(`hand.${session.hand}.title`),
     session.duration && t("visits.length", { clock: clock(session.duration) }),
     t(`visits.source.${session.source}`),
   ];
+  const state = finish ? t("visits.unfinished") : t(`session.state.${session.state}`);
   return h(
     "li",
     {},
     h("a", { href: `/sessions/${session.id}` }, dayAndTime(session.started)),
-    h("span", { class: `badge ${KIND[session.state] ?? ""}` }, t(`session.state.${session.state}`)),
+    h("span", { class: `badge ${KIND[session.state] ?? ""}` }, state),
     h("span", { class: "soft" }, facts.filter(Boolean).join(" · ")),
     tasks && h("span", { class: "soft" }, tasks),
+    session.calibration && h("span", { class: "soft" }, calibration(session)),
+    session.doubts.map((doubt) => h("p", { class: "warning" }, t(`date.${doubt}`))),
+    finish,
   );
+}
+
+function calibration({ calibration, warnings }) {
+  const still = calibration.largest.find((row) => row.name === "rate_wander");
+  const words = t("visits.calibration", { source: calibration.source, still: still.value });
+  return warnings ? `${words} · ${counted("warnings", warnings)}` : words;
 }

@@ -1,12 +1,14 @@
 """A patient's page: facts, measures, two windows at once, search."""
 
+import sqlite3
 import zipfile
 from collections.abc import Callable
+from contextlib import closing
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import api, keep_picture, shown
+from tests.journeys.house import LONG, Server, api, keep_picture, shown
 
 pytestmark = pytest.mark.browser
 
@@ -93,6 +95,35 @@ def test_a_note_is_removed_and_brought_back_and_a_patient_erased_for_good(page: 
     keep_picture(page, "patient-erased")
     page.reload()
     expect(page.locator(".error")).to_contain_text("it may have been erased")
+
+
+def test_a_name_is_asked_about_and_kept_when_it_is_a_code(page: Page) -> None:
+    page.get_by_role("button", name="New patient").click()
+    page.get_by_label("Patient code").fill("Anna Berg, 12.3.1961")
+    page.get_by_role("button", name="Create patient").click()
+    expect(page.get_by_text("Is this a name, or a date of birth?")).to_be_visible()
+    expect(page.get_by_text("It holds a date.")).to_be_visible()
+    keep_picture(page, "patient-name")
+    page.get_by_label("Patient code").fill("Cohort Alpha")
+    page.get_by_role("button", name="Create patient").click()
+    expect(page.get_by_text("It holds a date.")).to_be_hidden()
+    page.get_by_role("button", name="It is a code: keep it").click()
+    expect(page.get_by_role("heading", name="Cohort Alpha")).to_be_visible()
+
+
+def test_a_session_left_open_overnight_is_finished_from_the_list(page: Page, patient: int, server: Server) -> None:
+    api(page, f"/api/patients/{patient}/sessions", "POST", data={"hand": "left", "port": "/dev/null"})
+    with closing(sqlite3.connect(server.data / "handscope.sqlite")) as database, database:
+        database.execute("update session set started = datetime(started, '-20 hours') where patient_id = ?", (patient,))
+    page.reload()
+    expect(page.get_by_text("not finished")).to_be_visible()
+    keep_picture(page, "patient-unfinished")
+    page.get_by_role("link", name="Patients").first.click()
+    expect(page.get_by_text("was left open since")).to_be_visible()
+    keep_picture(page, "patients-unfinished")
+    page.get_by_role("button", name="Finish it now").click()
+    expect(page.get_by_text("was left open since")).to_be_hidden(timeout=LONG)
+    assert [s["state"] for s in api(page, f"/api/patients/{patient}")["sessions"]] == ["failed"]  # nothing was plugged in
 
 
 def test_a_code_that_is_taken_is_refused_beside_the_form(page: Page) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import zipfile
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from estimators.samples import Event
 from sessions import formats
 from sessions.recorder import Recorder
 from sessions.store import open_store
-from sessions.tables import RecordingFile
+from sessions.tables import PatientSession, RecordingFile
 from sessions.wire.framing import Encoder
 from tests.app.api.conftest import files_in
 from tests.app.api.test_recordings import finished, upload
@@ -97,11 +98,29 @@ def test_an_erased_patient_is_gone_with_files_and_replays(client: TestClient, pa
     assert client.post("/api/patients", json={"pseudonym": pseudonym}).json()["id"] > patient
 
 
-def test_a_session_that_runs_is_unfinished_and_keeps_its_patient(client: TestClient, patient: int) -> None:
+def test_a_session_that_runs_is_unfinished_and_keeps_its_patient(client: TestClient, patient: int, settings: Settings) -> None:
     begun = client.post(f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}).json()
     (unfinished,) = client.get("/api/sessions/unfinished").json()
     assert (unfinished["id"], unfinished["station"], unfinished["patient"]["id"]) == (begun["session"], begun["station"], patient)
     refused = client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": unfinished["patient"]["pseudonym"]})
     assert "is not finished" in refused.json()["error"]
-    client.delete(f"/api/stations/{begun['station']}")
+    assert unfinished["overnight"] is False
+    with open_store(settings.data).database() as db:
+        db.get_one(PatientSession, begun["session"]).started -= timedelta(hours=20)
+        db.commit()
+    assert client.get("/api/sessions/unfinished").json()[0]["overnight"] is True
+    assert client.get(f"/api/patients/{patient}").json()["sessions"][0]["doubts"] == ["overnight"]
+    assert client.post(f"/api/sessions/{begun['session']}/closing").status_code == 204
     assert client.get("/api/sessions/unfinished").json() == []
+    assert client.get("/api/stations").json() == []
+
+
+def test_an_upload_is_dated_by_the_recording(client: TestClient, patient: int, tmp_path: Path, native: bytes) -> None:
+    path, encoder = tmp_path / "old.mcap", Encoder()
+    with Recorder(path, {"hand": "left"}, 100.0, utc=datetime(2024, 2, 29, 8, 30, tzinfo=UTC)) as recorder:
+        for sent in whole_session({name: in_strips("left").samples[name] for name in ("hand", "index")}):
+            recorder.write(encoder.frame(sent.message), sent.arrival)
+    upload(client, patient, path.read_bytes(), "old.mcap")
+    upload(client, patient, native, "new.mcap")
+    new, old = client.get(f"/api/patients/{patient}").json()["sessions"]
+    assert (old["started"], old["doubts"], new["doubts"]) == ("2024-02-29T08:30:00Z", [], [])

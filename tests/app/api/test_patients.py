@@ -92,3 +92,18 @@ def test_a_patient_that_is_not_there_is_404(client: TestClient) -> None:
     answer = client.get("/api/patients/99999")
     assert answer.status_code == 404
     assert "there is no patient 99999" in answer.json()["error"]
+
+
+def test_a_name_in_place_of_a_code_is_kept_only_when_somebody_confirms_it(client: TestClient, patient: int) -> None:
+    facts = {"pseudonym": "Anna Berg", "year_of_birth": 1961}
+    asked = client.post("/api/patients", json=facts)
+    assert (asked.status_code, asked.json()["confirm"]) == (422, ["words", "name"])
+    assert "may be a person's name" in asked.json()["error"]
+    assert client.get("/api/patients", params={"search": "anna"}).json() == []
+    made = client.post("/api/patients", json={**facts, "confirmed": True}).json()
+    assert made["pseudonym"] == "Anna Berg"
+    again = client.patch(f"/api/patients/{made['id']}", json={"version": made["version"], "pseudonym": "Anna Berg", "year_of_birth": 1962})
+    assert again.status_code == 200  # nobody is asked twice about the same
+    version = client.get(f"/api/patients/{patient}").json()["version"]
+    changed = client.patch(f"/api/patients/{patient}", json={"version": version, "pseudonym": "Berg, Anna"})
+    assert (changed.status_code, "comma" in changed.json()["confirm"]) == (422, True)

@@ -14,7 +14,15 @@ STYLES = sorted(p for p in ROOT.rglob("*.css") if "vendor" not in p.parts)
 DOCUMENTS = sorted(ROOT.rglob("*.html"))
 WORDS = ROOT / "words" / "en.js"
 PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
-NOT_MOUNTED = {"fact_fields.js", "record.js", "connection.js", "words.js", "beats.js", "clicks.js"}  # values that parts share
+NOT_MOUNTED = {
+    "second_look.js",
+    "fact_fields.js",
+    "record.js",
+    "connection.js",
+    "words.js",
+    "beats.js",
+    "clicks.js",
+}  # values that parts share
 COLOUR = re.compile(r"#[0-9a-fA-F]{3,8}\b|\b(?:rgba?|hsla?|oklch)\(")
 
 
