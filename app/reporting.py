@@ -12,6 +12,7 @@ from app.results import assessed, computed
 from app.version import software_version
 from estimators.methods import METHODS
 from sessions import records, repeatability
+from sessions.course import Course, course
 from sessions.store import Store
 from sessions.tables import Result
 
@@ -22,6 +23,13 @@ def changes_of(result: Result) -> Changes | None:
     assert db is not None
     told = repeatability.comparison(db, result)
     return changes(told) if told else None
+
+
+def course_of(result: Result) -> Course | None:
+    """The patient's sessions until a kept result, and the other hand."""
+    db = object_session(result)
+    assert db is not None
+    return course(db, result)
 
 
 def report(store: Store, result: Result) -> Content:
@@ -38,4 +46,16 @@ def report(store: Store, result: Result) -> Content:
     )
     tasks = assessed(result.method, recording, processed)
     params = with_options(METHODS[result.method].Params, result.parameters)
-    return content(visit, recording, processed, result.method, params, tasks, software_version(), load_all(), changes_of(result))
+    return content(
+        visit,
+        recording,
+        processed,
+        result.method,
+        params,
+        tasks,
+        software_version(),
+        load_all(),
+        changes_of(result),
+        course_of(result),
+        result.corrections,
+    )

@@ -22,7 +22,8 @@ from sessions import results
 from sessions.tables import Result
 
 router = APIRouter(prefix="/results", tags=["results"])
-FORMS = {"pdf": "application/pdf", "csv": "text/csv; charset=utf-8", "json": "application/json"}
+FORMS = {"pdf": "application/pdf", "html": "text/html; charset=utf-8", "csv": "text/csv; charset=utf-8", "json": "application/json"}
+ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a report brings its own style and loads nothing
 
 
 @router.get("/{result_id}")
@@ -73,12 +74,14 @@ def read_curves(
 
 @router.get("/{result_id}/report.{form}")
 async def read_report(db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4") -> Response:
-    """The report as pdf, csv or json; the tables for programs are always in English."""
+    """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
         raise InputError(f"there is no report as {form!r}; forms are {', '.join(FORMS)}")
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
     data = await parts.jobs.run(make_report, result_id, form, language.code, paper)
-    return _download(data, FORMS[form], f"handscope-session-{result.recording.session_id}-{result.method}.{form}", inline=form == "pdf")
+    return _download(
+        data, FORMS[form], f"handscope-session-{result.recording.session_id}-{result.method}.{form}", inline=form in ("pdf", "html")
+    )
 
 
 @router.get("/{result_id}/derivative.zip")
@@ -108,4 +111,5 @@ def _numbers(values: Any) -> list[float | None]:
 
 
 def _download(data: bytes, kind: str, name: str, inline: bool = False) -> Response:
-    return Response(data, media_type=kind, headers={"Content-Disposition": f'{"inline" if inline else "attachment"}; filename="{name}"'})
+    headers = {"Content-Disposition": f'{"inline" if inline else "attachment"}; filename="{name}"'}
+    return Response(data, media_type=kind, headers=headers | ({"Content-Security-Policy": ALONE} if kind == FORMS["html"] else {}))

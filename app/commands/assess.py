@@ -24,12 +24,14 @@ from estimators.measures.accuracy import accuracy_of
 from estimators.measures.assessment import assess
 from sessions.writing import save_file, save_folder
 
+REPORTS = (".pdf", ".html")
+
 
 def add(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
     add_method(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for figures.json and figures.csv")
-    parser.add_argument("--report", type=Path, metavar="FILE.pdf", help="write the report there")
+    parser.add_argument("--report", type=Path, metavar="FILE.pdf", help="write the report there (.pdf or .html)")
     parser.add_argument("--language", choices=[*languages()], default=DEFAULT, help=f"of the report ({DEFAULT})")
     parser.add_argument("--paper", choices=PAPERS, default="a4", help="of the report (a4)")
     parser.add_argument("--patient", default="", metavar="PSEUDONYM", help="printed on the report; never a name")
@@ -38,8 +40,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from app.report.content import Visit, content
 
-    if arguments.report and arguments.report.suffix != ".pdf":
-        raise InputError(f"--report {arguments.report} does not end in .pdf")
+    if arguments.report and arguments.report.suffix not in REPORTS:
+        raise InputError(f"--report {arguments.report} does not end in {' or '.join(REPORTS)}")
     require_folder(arguments.out)
     if arguments.report:
         require_file(arguments.report, arguments.out)
@@ -51,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     style = Style(language(arguments.language), arguments.paper)
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
     figures = {"figures.json": FORMS["json"](made, style), "figures.csv": FORMS["csv"](made, style)}
-    report = FORMS["pdf"](made, style) if arguments.report else b""
+    report = FORMS[arguments.report.suffix[1:]](made, style) if arguments.report else b""
     save_folder(figures, output_folder(arguments.out))
     if arguments.report:
         save_file(report, arguments.report)

@@ -27,6 +27,12 @@ def _pdf(content: "Content", style: Style) -> bytes:
     return pdf(content, style.language, style.paper)
 
 
+def _html(content: "Content", style: Style) -> bytes:
+    from app.report.html import html
+
+    return html(content, style.language)
+
+
 def _csv(content: "Content", style: Style) -> bytes:
     from app.report.tables import csv
 
@@ -39,4 +45,4 @@ def _json(content: "Content", style: Style) -> bytes:
     return json(content)
 
 
-FORMS: Mapping[str, Callable[["Content", Style], bytes]] = {"pdf": _pdf, "csv": _csv, "json": _json}
+FORMS: Mapping[str, Callable[["Content", Style], bytes]] = {"pdf": _pdf, "html": _html, "csv": _csv, "json": _json}

@@ -37,6 +37,11 @@ def row_words(found: Changes, tasks: Sequence[Task], row: RangeRow, language: La
     return {cell: "; ".join(said) for cell, said in cells.items()}
 
 
+def row_ends(found: Changes, tasks: Sequence[Task], row: RangeRow, language: Language) -> dict[str, str]:
+    """Of flexion and extension of a row what changed beyond the MDC: "8° more"."""
+    return {cell: _which(c, sign, language)[0] for cell, _, c, sign in _ends(found, tasks, row) if cell != "sideways" and c.beyond}
+
+
 def range_changes(found: Changes, tasks: Sequence[Task], rows: Sequence[RangeRow], language: Language) -> str:
     """All rows in one paragraph, what is beyond the MDC first; "" where none has a change."""
     said = [

@@ -22,8 +22,10 @@ from estimators.options import Description, describe
 from estimators.processing import Processed
 from estimators.quaternions import Array
 from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
+from sessions.course import Course
 from sessions.recording import LoadedRecording
 
+ATTEMPTED = ("accepted", "redone", "not used")  # outcomes of an attempt that say nothing about the patient
 CURVE_POINTS = 500  # of a curve on the page: finer than the print
 
 
@@ -123,6 +125,26 @@ class Task:
 
 
 @dataclass(frozen=True)
+class NotDone:
+    """A task of which no attempt was accepted, and why."""
+
+    title: str
+    outcome: str  # "skipped", "unable", ... : the word before the reason in the recording's event
+    reason: str
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What a person took out of the figures or moved, with the reason (sessions/corrections.py)."""
+
+    title: str  # of the task
+    kind: str
+    onset: float  # s
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class Content:
     """A report before it is worded."""
 
@@ -138,6 +160,9 @@ class Content:
     flagged: tuple[Flagged, ...]
     warnings: tuple[str, ...]
     changes: Changes | None = None  # since the patient's session before; None where there is nothing to compare with
+    course: Course | None = None  # the patient's sessions until now, and the other hand
+    not_done: tuple[NotDone, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def content(
@@ -150,6 +175,8 @@ def content(
     software: str,
     protocols: Mapping[str, Protocol],
     changes: Changes | None = None,
+    course: Course | None = None,
+    corrections: Sequence[Mapping[str, Any]] = (),
 ) -> Content:
     """Gather a session: its recording, what the method (a name of METHODS) with its params made of it, what was measured on that.
 
@@ -169,6 +196,9 @@ def content(
         tuple(_flagged(processed.trajectory, results, measured)),
         processed.warnings,
         changes,
+        course,
+        tuple(_not_done(recording, protocols)),
+        tuple(_left_out(recording, protocols, corrections)),
     )
 
 
@@ -189,6 +219,27 @@ def _recording(recording: LoadedRecording) -> RecordingFacts:
         for s in recording.streams
     )
     return RecordingFacts(recording.checksum, recording.start_utc or "", recording.duration, recording.source, streams)
+
+
+def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[NotDone]:
+    """What the wizard marked as not done, the last word on each task that no attempt was accepted of."""
+    done = {str(e.details.get("task_name")) for e in recording.events if e.trial_type == "task"}
+    told: dict[str, NotDone] = {}
+    for event in recording.events:
+        name, outcome = str(event.details.get("task_name", "")), str(event.details.get("outcome", ""))
+        if event.trial_type == "annotation" and name not in done and outcome and not outcome.startswith(ATTEMPTED):
+            word, _, reason = outcome.partition(":")
+            told[name] = NotDone(_title(name, protocols), word.strip(), reason.strip())
+    return list(told.values())
+
+
+def _left_out(recording: LoadedRecording, protocols: Mapping[str, Protocol], corrections: Sequence[Mapping[str, Any]]) -> list[LeftOut]:
+    names = [str(e.details.get("task_name", "")) for e in recording.events]
+    return [LeftOut(_title(names[c["event"]], protocols), c["kind"], c["onset"], c["end"], c["reason"]) for c in corrections]
+
+
+def _title(name: str, protocols: Mapping[str, Protocol]) -> str:
+    return protocols[name].title if name in protocols else name.replace("_", " ")
 
 
 def _task(result: TaskResult, protocol: Protocol | None, trajectory: Trajectory) -> Task:

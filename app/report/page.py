@@ -4,26 +4,31 @@ Everything is a string, a list or a dict of them; user's text stays as it was ty
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from app.language import Language
-from app.report.content import CalibrationFacts, Content, StreamFacts, Task
-from app.report.range_rows import asks_full_range, by_task
+from app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
+from app.report.range_rows import GRADES, asks_full_range, by_task
 from app.report.range_section import range_section
-from app.report.tapping_section import TRIALS, label, tapping_section
+from app.report.summary import outcome_words, summary
+from app.report.tables import data_checksum
+from app.report.tapping_section import TRIALS, tapping_section
+from app.report.trend_section import trend_section
 from app.report.units import DEG, reading, unit_words
-from app.report.words import grade_words, span_words
+from app.report.words import figure_words, grade_words, span_words
 from estimators.calibration import SensorQuality
+from estimators.measures.figure import Figure
 
 Page = dict[str, Any]
 
-WARNINGS = 4  # of them on the page
+WARNINGS = 8  # of them on the page
 HEADINGS = (  # words that the layout places
-    "report.title", "ranges.title", "ranges.none", "tapping.title", "tapping.none", "further", "quality", "provenance", "warnings", "notes",
-    "examiner", "signature", "date", "finger", "joint", "flexion", "extension", "sideways", "signal", "figure", "value", "unit", "reason",
-    "quality.over_all", "quality.median", "quality.largest", "quality.worst",
+    "report.title", "summary", "further", "quality", "provenance", "warnings",
+    "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "reason", "quality.over_all",
+    "quality.median", "quality.largest", "quality.worst", "not_done", "left_out", "technical", "notes.none", "checksums",
 )  # fmt: skip
 
 
@@ -31,9 +36,7 @@ def words_of(content: Content, language: Language) -> Page:
     """The whole report."""
     main, further = _chosen(content)
     taps = [t for t in content.tasks if t.result.measure == "tapping"]
-    others = [t for t in content.tasks if t.result.measure not in ("tapping", "range_of_motion")]
-    say, recording = language.say, content.recording
-    checksum = recording.checksum[:12]
+    say, checksum = language.say, content.recording.checksum[:12]
     return {
         "language": language.code,
         "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
@@ -41,14 +44,21 @@ def words_of(content: Content, language: Language) -> Page:
         "facts": _facts(content, language),
         "tag": say("notice.short"),
         "notice": say("notice"),
-        "ranges": [range_section(main, content.measured, language, content.changes)] if main else [],
+        "summary": summary(content, language),
+        "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
         "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
-        "further": [range_section(trials, content.measured, language, content.changes) for trials in further],
-        "others": [_other(task, language) for task in others],
+        "others": _others(content, language),
+        "further": [range_section(content, trials, language) for trials in further],
+        "trends": [section for section in [trend_section(content, language)] if section],
+        "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
+        "left_out": [_left_out(part, language) for part in content.left_out],
         "calibration": _calibration(content.calibrations, language),
         "signal": _signal(content, language),
         "provenance": _provenance(content, language),
-        "checksum": [recording.checksum[:32] or say("not_known"), recording.checksum[32:]],
+        "checksums": [
+            [say("checksum.recording"), content.recording.checksum or say("not_known")],
+            [say("checksum.figures"), data_checksum(content)],
+        ],
         "warnings": _warnings(content, language),
         "notes": content.visit.notes.splitlines(),
         "footer": " · ".join(
@@ -92,15 +102,51 @@ def _day(content: Content, language: Language) -> str:
     return language.day(content.date) if content.date else language.say("no_date")
 
 
-def _other(task: Task, language: Language) -> Page:
-    """A measure without a page of its own: its figures by name."""
-    rows = []
-    for f in task.result.figures:
-        r = reading(f)
-        value = language.number(r.value, _decimals(r.value)) if np.isfinite(r.value) else language.say("not_measured")
-        grade = [f.grade, grade_words(f.grade, language)]
-        rows.append([label(f.name, language), value, unit_words(r.unit, language), grade, language.heard(f.reason)])
-    return {"title": language.heard(task.measure_title), "task": span_words([task], language), "rows": rows}
+def _others(content: Content, language: Language) -> list[Page]:
+    """Measures without a page of their own: figures by name, the trials of a task side by side."""
+    told: dict[tuple[str, str], list[Task]] = {}
+    for task in content.tasks:
+        if task.result.measure not in ("tapping", "range_of_motion"):
+            told.setdefault((task.result.measure, task.result.task), []).append(task)
+    return [_other(trials, language) for trials in told.values()]
+
+
+def _other(trials: Sequence[Task], language: Language) -> Page:
+    names = list(dict.fromkeys(f.name for t in trials for f in t.result.figures))
+    rows = [_other_row([f for t in trials for f in t.result.figures if f.name == name], language) for name in names]
+    return {
+        "title": language.heard(trials[0].measure_title),
+        "task": span_words(trials, language),
+        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
+        "rows": rows,
+        "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
+    }
+
+
+def _other_row(figures: Sequence[Figure], language: Language) -> list[Any]:
+    """Name, a value a trial, unit, the worst grade and its reason."""
+    worst = max(figures, key=lambda f: GRADES.index(f.grade))
+    unit = unit_words(reading(figures[0]).unit, language)
+    values = [_value(f, language) for f in figures]
+    reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
+    return [figure_words(figures[0].name, language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
+
+
+def _value(figure: Figure, language: Language) -> str:
+    """ "12.3 ± 0.4" in the unit a person reads."""
+    read = reading(figure)
+    if not np.isfinite(read.value):
+        return language.say("not_measured")
+    decimals = 0 if figure.name.endswith("_count") else _decimals(read.value)
+    if figure.sd is None or not np.isfinite(figure.sd):
+        return language.number(read.value, decimals)
+    sd = abs(reading(replace(figure, value=figure.sd)).value)
+    return f"{language.number(read.value, decimals)} ± {language.number(sd, max(decimals, _decimals(sd) - 1))}"
+
+
+def _left_out(part: LeftOut, language: Language) -> list[str]:
+    span = language.say("left_out.span", start=language.number(part.onset, 1), end=language.number(part.end, 1))
+    return [language.heard(part.title), language.known(f"correction.{part.kind}", part.kind), span, part.reason]
 
 
 def _decimals(value: float) -> int:
@@ -108,11 +154,11 @@ def _decimals(value: float) -> int:
     return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0
 
 
-def _warnings(content: Content, language: Language) -> str:
-    """The first WARNINGS and how many there are beyond, in one paragraph."""
+def _warnings(content: Content, language: Language) -> list[str]:
+    """The first WARNINGS and how many there are beyond."""
     more = len(content.warnings) - WARNINGS
     said = [language.heard(w) for w in content.warnings[:WARNINGS]]
-    return "; ".join([*said, *([language.say("warnings.more", count=more)] if more > 0 else [])])
+    return [*said, *([language.say("warnings.more", count=more)] if more > 0 else [])]
 
 
 def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -> Page:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 
 import matplotlib
 import numpy as np
@@ -26,8 +27,9 @@ from estimators.measures.range_of_motion import Range
 from estimators.measures.tapping import Tapping
 from estimators.quaternions import Array
 
-ROW, GROUP_GAP, HEAD = 11.2, 3.2, 22.0  # pt: a row, the extra space before a group, the heading above the rows
+ROW, GROUP_GAP, HEAD = 10.4, 3.0, 22.0  # pt: a row, the extra space before a group, the heading above the rows
 INK, GREY, HAIR, ACCENT = "#1a1a1a", "#6b6b6b", "#c9c9c9", "#2f5d6e"
+BAND = "#e7ecee"
 FILL = {"good": ("#7fa0ad", None), "fair": ("#d9e4e8", None), "poor": ("white", "/////")}
 LINES = (("-", INK), ((0, (4, 1.5)), ACCENT), ((0, (1, 1)), GREY))  # first, second, last joint of a finger
 PANEL_GAP, ROOM, NUMBER = 4.0, 15.0, 10.0  # pt: between the panels; beside the longest bar; taken by the degrees at a bar's end
@@ -108,6 +110,30 @@ def tapping_chart(tapping: Tapping, width: float, height: float, language: Langu
         inner = (height - 48) / 2
         _distance(_axes(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping, language)
         _amplitudes(_axes(figure, 15, 12, width - 19, inner, width, height), tapping, language)
+        return _svg(figure)
+
+
+def trend_chart(
+    moments: Sequence[datetime], values: Sequence[float], mdc95: float | None, width: float, height: float, language: Language
+) -> str:
+    """One figure over the sessions, a dot each, with the band of the minimal detectable change about the first."""
+    with _drawing():
+        figure = Figure(figsize=(width / 72, height / 72))
+        ax = _axes(figure, 22, 13, width - 28, height - 18, width, height)
+        days = [(m - moments[0]).total_seconds() / 86400 for m in moments]
+        if mdc95 is not None:
+            ax.axhspan(values[0] - mdc95, values[0] + mdc95, color=BAND, lw=0, zorder=0)
+            ax.axhline(values[0], color=GREY, lw=0.4, zorder=0.5)
+        ax.plot(days, values, lw=0.8, color=ACCENT, marker="o", ms=2.6, mfc="white", mew=0.8)
+        ax.plot(days[-1:], values[-1:], ls="", marker="o", ms=3.6, color=INK)
+        spread = max(max(values) - min(values), mdc95 or 0.0, 1e-9)
+        ax.set_ylim(min(values[0] - (mdc95 or 0), *values) - 0.12 * spread, max(values[0] + (mdc95 or 0), *values) + 0.12 * spread)
+        last = max(days[-1], 1e-9)
+        ax.set(xlim=(-0.04 * last, 1.06 * last), xticks=[0, last], xticklabels=[language.short_day(m) for m in (moments[0], moments[-1])])
+        ax.locator_params(axis="y", nbins=4)
+        ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")  # the direction stands in the figure's name: no bare sign
+        for label, side in zip(ax.get_xticklabels(), ("left", "right")):
+            label.set(ha=side)
         return _svg(figure)
 
 

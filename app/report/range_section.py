@@ -1,26 +1,29 @@
 """The section on ranges of motion: table, bars, curves, and what to know to read them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from app.language import Language
 from app.report import plots
-from app.report.change_words import range_changes
-from app.report.changes import Changes
-from app.report.content import Curve, Task
+from app.report.change_words import range_changes, row_ends
+from app.report.content import Content, Curve, Task
+from app.report.range_comparison import other_hand, reference_of, sd_of
 from app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
 from app.report.references import Reference, references, smallest_change
-from app.report.words import grade_words, span_words
+from app.report.units import DEG
+from app.report.words import extension_words, flexion_words, grade_words, span_words
 from estimators.hand_anatomy import FINGERS, JOINTS
 from estimators.measures import range_of_motion
 from estimators.measures.range_of_motion import Range
 
-CHART_WIDTH, CURVES = 206.0, (516.0, 54.0)  # pt
+CHART_WIDTH, CURVES = 510.0, (510.0, 64.0)  # pt
+COLUMNS = {"flexion": ("value", "other", "reference", "change"), "extension": ("value", "other", "change"), "sideways": ("value",)}
+NOTHING = ["", ""]
 
 
-def range_section(tasks: Sequence[Task], measured: Sequence[str], language: Language, changes: Changes | None = None) -> dict[str, Any]:
+def range_section(content: Content, tasks: Sequence[Task], language: Language) -> dict[str, Any]:
     say = language.say
     full = asks_full_range(tasks[0].result.task)
     ranges = over_tasks(tasks)
@@ -32,19 +35,71 @@ def range_section(tasks: Sequence[Task], measured: Sequence[str], language: Lang
     curves = _joined_curves(tasks)
     return head | {
         "absent": "",
-        "rows": [[r.group, r.joint, r.flexion, r.extension, r.sideways, [r.grade, grade_words(r.grade, language)]] for r in rows],
-        "row": plots.ROW,
-        "gap": plots.GROUP_GAP,
-        "head": plots.HEAD,
-        "chart": plots.range_chart(rows, ticks, CHART_WIDTH, language, labels=False),
+        "table": _table(content, tasks, rows, full, language),
+        "chart": plots.range_chart(rows, ticks, CHART_WIDTH, language),
         "chart_alt": say("ranges.chart", count=len(rows)),
+        "chart_label": " ".join([say("ranges.bars"), *([say("ranges.ticks")] if ticks else [])]),
         "curves": plots.flexion_curves(curves, *CURVES, language) if curves else "",
         "curves_alt": say("ranges.curves"),
         "curves_label": say("ranges.curves.label"),
-        "remarks": [*_reasons(rows, language), *_without(ranges, measured, language)],
-        "changes": range_changes(changes, tasks, rows, language) if changes else "",
-        "caption": _caption(rows, ticks, changes, language),
+        "remarks": [*_reasons(rows, language), *_without(ranges, content.measured, language)],
+        "changes": range_changes(content.changes, tasks, rows, language) if content.changes else "",
+        "caption": " ".join(said for said in _caption(content, rows, ticks, language) if said),
     }
+
+
+def _table(content: Content, tasks: Sequence[Task], rows: Sequence[RangeRow], full: bool, language: Language) -> dict[str, Any]:
+    """Columns that hold nothing in any row are left out; a cell is [words, weight], weight "", "strong" or "quiet"."""
+    others = {(o.joint, o.angle): o for o in other_hand(content, tasks)} if full else {}
+    cells = [_cells(content, tasks, row, others, full, language) for row in rows]
+    kept = {group: [c for c in columns if any(row[group].get(c, NOTHING)[0] for row in cells)] for group, columns in COLUMNS.items()}
+    other = language.say(f"column.{'right' if content.hand == 'left' else 'left'}")
+    return {
+        "groups": [[language.say(g), len(columns)] for g, columns in kept.items() if columns],
+        "columns": [
+            {"group": g, "kind": c, "words": other if c == "other" else language.say(f"column.{c}")}
+            for g, columns in kept.items()
+            for c in columns
+        ],
+        "signal": any(row.grade != "good" for row in rows),
+        "rows": [
+            {
+                "finger": row.group if k == 0 or row.group != rows[k - 1].group else "",
+                "joint": row.joint,
+                "cells": [words[g].get(c, NOTHING) for g, columns in kept.items() for c in columns],
+                "grade": [row.grade, grade_words(row.grade, language)],
+            }
+            for k, (row, words) in enumerate(zip(rows, cells))
+        ],
+    }
+
+
+def _cells(
+    content: Content,
+    tasks: Sequence[Task],
+    row: RangeRow,
+    others: Mapping[tuple[str, str], Range],
+    full: bool,
+    language: Language,
+) -> dict[str, dict[str, list[str]]]:
+    """Of one row by group and column."""
+    bend = row.bend
+    found: dict[str, dict[str, list[str]]] = {"flexion": {}, "extension": {}, "sideways": {"value": [row.sideways, ""]}}
+    if bend is None or bend.angle != "flexion":
+        return found
+    changed = row_ends(content.changes, tasks, row, language) if content.changes else {}
+    sd, other = sd_of(tasks, bend, "largest"), others.get((bend.joint, bend.angle))
+    deficit = full and round(bend.smallest * DEG) > 0 and bend.joint != "thumb_cmc"
+    found["flexion"]["value"] = [row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else ""), "strong"]
+    found["extension"]["value"] = [row.extension, "strong" if deficit else ""]
+    if other:
+        found["flexion"]["other"] = [flexion_words(other.largest, language), "quiet"]
+        found["extension"]["other"] = [extension_words(bend.joint, other.smallest, other.largest, language, short=True), "quiet"]
+    if full and (reference := reference_of(bend, "largest")):
+        found["flexion"]["reference"] = [f"{reference.degrees:.0f}°", "quiet"]
+    for group, words in changed.items():
+        found[group]["change"] = [words, "strong"]
+    return found
 
 
 def _joined_curves(tasks: Sequence[Task]) -> list[Curve]:
@@ -59,15 +114,30 @@ def _joined_curves(tasks: Sequence[Task]) -> list[Curve]:
     return joined
 
 
-def _caption(rows: Sequence[RangeRow], ticks: Sequence[Reference], changes: Changes | None, language: Language) -> list[str]:
+def _caption(content: Content, rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language) -> list[str]:
     change, say = smallest_change(), language.say
+    other = content.course.other if content.course else None
     return [
         say("ranges.held", seconds=language.number(range_of_motion.Params().hold / 2, 1)),
-        say("ranges.ticks", sources=_sources(rows, ticks, language)) if ticks else say("ranges.not_full"),
-        say("ranges.bars"),
+        say("ranges.sources", sources=_sources(rows, ticks, language)) if ticks else say("ranges.not_full"),
+        say("ranges.extension", joints=_extension(rows, ticks, language)) if ticks else "",
+        say("ranges.change") if content.changes else "",
+        say("ranges.other", day=language.day(other.started)) if other and ticks else "",
+        say("ranges.joints"),
         say("ranges.terms"),
-        say("ranges.trusted", size=f"{change.value:g}", source=change.source.name) if ticks and not changes else "",
+        say("ranges.trusted", size=f"{change.value:g}", source=change.source.name) if ticks and not content.changes else "",
     ]
+
+
+def _extension(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language) -> str:
+    """The joints of the table whose extension is not to be just full: "Thumb IP 12° hyperextension"."""
+    drawn = {r.joint: row for row in rows for r in row.ranges if r.angle == "flexion"}
+    beyond = [f for f in ticks if f.joint in drawn and (f.angle, f.end) == ("flexion", "smallest") and f.degrees]
+    named = [
+        f"{drawn[f.joint].group} {drawn[f.joint].joint}".strip() + f" {extension_words(f.joint, f.degrees / DEG, 1.0, language)}"
+        for f in beyond
+    ]
+    return ", ".join(["", *named])
 
 
 def _sources(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language) -> str:

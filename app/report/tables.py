@@ -4,6 +4,7 @@ Values stand twice: in SI, exactly as measured, and in the unit a person reads. 
 """
 
 import csv as csv_format
+import hashlib
 import io
 import math
 from typing import Any
@@ -53,11 +54,18 @@ def json(content: Content) -> bytes:
             "flagged": content.flagged,
             "warnings": content.warnings,
             "changes": content.changes,
+            "not_done": content.not_done,
+            "left_out": content.left_out,
             "figures": rows(content),
         },
         default=str,
         option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_INDENT_2,
     )
+
+
+def data_checksum(content: Content) -> str:
+    """SHA-256 of the JSON file: the same figures, whoever prints them."""
+    return hashlib.sha256(json(content)).hexdigest()
 
 
 def rows(content: Content) -> list[dict[str, Any]]:

@@ -11,13 +11,13 @@ from app.report.change_words import tapping_changes
 from app.report.changes import Changes
 from app.report.content import Task
 from app.report.units import reading, unit_words
-from app.report.words import grade_words, span_words
+from app.report.words import figure_words, grade_words, span_words
 from estimators.measures.figure import Figure
 from estimators.measures.tapping import Tapping
 
 TRIALS = 4  # columns of a table
-CHART = (340.0, 118.0)  # pt
-TRIAL_WIDTH = 56.0  # pt that every further trial takes from the chart
+CHART = (290.0, 150.0)  # pt
+BELOW = (516.0, 150.0)  # pt where more than two trials leave it no room beside the table
 DECIMALS = {
     "tapping_count": 0,
     "tapping_rate": 2,
@@ -41,19 +41,19 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
     many = total > 1
     every = {f.name: f for f in tasks[0].result.figures}
     named = {name: every[name] for name in DECIMALS if name in every}
-    width = CHART[0] - TRIAL_WIDTH * (len(trials) - 1)
+    size = CHART if len(trials) <= 2 else BELOW
     return {
         "title": say("tapping.title"),
         "tasks": [say("tapping.trial", number=before + k + 1) if many else say("value") for k in range(len(tasks))],
         "task": span_words(tasks, language),
-        "rows": [[label(n, language), _unit(named[n], language), *(_cell(t, n, language) for t in tasks)] for n in named],
+        "rows": [[figure_words(n, language), _unit(named[n], language), *(_cell(t, n, language) for t in tasks)] for n in named],
         "grades": [[t.grade, grade_words(t.grade, language)] for t in trials],
         "remarks": [
             _remark(trial, say("tapping.trial.of", number=before + k + 1) if many else "", language)
             for k, trial in enumerate(trials)
             if trial.reason
         ],
-        "chart": plots.tapping_chart(trials[shown], width, CHART[1], language) if shown is not None else "",
+        "chart": plots.tapping_chart(trials[shown], *size, language) if shown is not None else "",
         "chart_alt": say("tapping.chart"),
         "changes": tapping_changes(changes, tasks, language) if changes and before + len(tasks) == total else "",
         "absent": say("tapping.absent") if shown is None else "",
@@ -63,12 +63,6 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
             say("tapping.average") if total < 3 else "",
         ],
     }
-
-
-def label(name: str, language: Language) -> str:
-    """A figure's name as printed."""
-    plain = name.removeprefix("tapping_").replace("_", " ")
-    return language.known(f"figure.{name}", plain[:1].upper() + plain[1:])
 
 
 def _remark(trial: Tapping, which: str, language: Language) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from app.language import Language
 from app.report.content import Task
 from app.report.units import DEG
+from estimators.hand_anatomy import JOINTS
 
 SIDES = {  # keys of the words of the negative and the positive deviation
     "wrist": ("radial", "ulnar"),
@@ -19,6 +20,7 @@ SIDES = {  # keys of the words of the negative and the positive deviation
     "little_mcp": ("add", "abd"),
 }
 ROTATION = ("supination", "pronation")
+ENDINGS = {"max": "largest", "min": "smallest", "range": "extent"}  # of the names of ranges
 
 
 def joint_words(joint: str, language: Language) -> tuple[str, str]:
@@ -33,8 +35,8 @@ def flexion_words(largest: float, language: Language) -> str:
     return f"{degrees}°" if degrees >= 0 else language.say("angle.no_flexion")
 
 
-def extension_words(joint: str, smallest: float, largest: float, language: Language, full: bool = True) -> str:
-    """How far the joint extends, from its smallest and largest flexion (rad)."""
+def extension_words(joint: str, smallest: float, largest: float, language: Language, full: bool = True, short: bool = False) -> str:
+    """How far the joint extends, from its smallest and largest flexion (rad); `short` for a narrow column."""
     beyond, least = -round(smallest * DEG), -round(largest * DEG)
     if beyond < 0 and not full:
         return language.say("angle.not_below", size=-beyond)
@@ -42,7 +44,9 @@ def extension_words(joint: str, smallest: float, largest: float, language: Langu
         which = "palm.plane" if beyond == 0 else "palm.behind" if beyond > 0 else "palm.short"
         return language.say(f"angle.{which}", size=abs(beyond))
     if beyond < 0:
-        return language.say("angle.deficit", size=-beyond)
+        return language.say("angle.deficit.short" if short else "angle.deficit", size=-beyond)
+    if short and joint != "wrist" and beyond:
+        return language.say("angle.hyperextension.short", size=beyond)
     word = "extension" if joint == "wrist" else "hyperextension"
     if least > 0:
         return language.say(f"angle.{word}.between", least=least, size=beyond)
@@ -74,3 +78,26 @@ def span_words(tasks: Sequence[Task], language: Language) -> str:
 
 def grade_words(grade: str, language: Language) -> str:
     return language.say(f"grade.{grade}")
+
+
+def figure_words(name: str, language: Language) -> str:
+    """A figure's name as printed: "Index PIP, flexion", "Taps"."""
+    if (known := language.known(f"figure.{name}", "")) != "":
+        return known
+    end = ENDINGS.get(name.rpartition("_")[2])
+    for joint in (j.name for j in JOINTS) if end else ():
+        if name.startswith(f"{joint}_"):
+            angle = name.removeprefix(f"{joint}_").rpartition("_")[0]
+            way = _way(joint, angle, end or "largest", language)
+            return f"{' '.join(joint_words(joint, language)).strip()}, {way}"
+    plain = name.replace("_", " ")
+    return plain[:1].upper() + plain[1:]
+
+
+def _way(joint: str, angle: str, end: str, language: Language) -> str:
+    """The direction of one end of an angle; of its extent, the angle."""
+    positive = end != "smallest"
+    if angle == "flexion":
+        return language.say("cell.flexion" if positive else "cell.extension") if end != "extent" else language.say("angle.extent")
+    ways = ROTATION if angle == "pronation" else SIDES.get(joint, ("radial", "ulnar"))
+    return side_words(ways[positive], language)

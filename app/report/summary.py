@@ -1,0 +1,157 @@
+"""The session in plain words: what was done and not done, what stands out, what changed, and how far the figures can be trusted.
+
+Nothing is called a deficit or a change that is not more than measurement error (the MDC that changes.py judges by, else the published one).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.language import Language
+from app.report.changes import Changes
+from app.report.content import Content, Task
+from app.report.range_comparison import Lacking, behind_other, behind_reference, other_hand
+from app.report.range_rows import GRADES, asks_full_range
+from app.report.references import smallest_change
+from app.report.units import DEG
+from app.report.words import joint_words
+from estimators.measures.figure import Figure
+
+WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
+NAMED = 5  # joints or tasks at most that a sentence names
+
+
+def summary(content: Content, language: Language) -> list[str]:
+    """Sentences, the most general first."""
+    full = [t for t in content.tasks if t.result.measure == "range_of_motion" and asks_full_range(t.result.task)]
+    said = [
+        _tasks(content, language),
+        *_not_done(content, language),
+        *_absent(content, language),
+        *([_reference(full, language), *_other(content, full, language)] if full else []),
+        *_tapping(content, language),
+        *([_changes(content.changes, language)] if content.changes else []),
+        _signal(content, language),
+    ]
+    return [sentence for sentence in said if sentence]
+
+
+def _tasks(content: Content, language: Language) -> str:
+    """Tasks with their trials: "6 tasks accepted: Fist and stretch, Finger tapping (3 trials)"."""
+    trials: dict[str, set[float]] = {}
+    for t in content.tasks:
+        trials.setdefault(t.title, set()).add(t.result.onset)
+    if not trials:
+        return language.say("summary.nothing")
+    if all(t.result.task == WHOLE for t in content.tasks):
+        return language.say("summary.whole")
+    names = [
+        language.heard(title) + (f" ({language.counted('summary.trials', len(onsets))})" if len(onsets) > 1 else "")
+        for title, onsets in trials.items()
+    ]
+    return language.say("summary.tasks", count=language.counted("summary.accepted", len(names)), tasks=", ".join(names))
+
+
+def _not_done(content: Content, language: Language) -> list[str]:
+    named = [
+        f"{language.heard(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})" for n in content.not_done
+    ]
+    return [language.say("summary.not_done", tasks="; ".join(named))] if named else []
+
+
+def _absent(content: Content, language: Language) -> list[str]:
+    """Which of the two usual parts a session lacks."""
+    measures = {t.result.measure for t in content.tasks}
+    usual = {"range_of_motion": "ranges.none", "tapping": "tapping.none"}
+    return [language.say(key) for measure, key in usual.items() if measures and measure not in measures]
+
+
+def outcome_words(outcome: str, language: Language) -> str:
+    return language.known(f"outcome.{outcome.replace(' ', '_')}", outcome)
+
+
+def _reference(tasks: Sequence[Task], language: Language) -> str:
+    limit = smallest_change().value
+    short = [gap for gap in behind_reference(tasks) if gap.short * DEG > limit]
+    if not short:
+        return language.say("summary.reference.none", size=f"{limit:g}")
+    return language.say("summary.reference", size=f"{limit:g}", joints=_gaps(short, language))
+
+
+def _other(content: Content, tasks: Sequence[Task], language: Language) -> list[str]:
+    other = content.course.other if content.course else None
+    gaps = behind_other(tasks, other_hand(content, tasks))
+    if other is None or not gaps:
+        return []
+    limit = smallest_change().value
+    facts = {
+        "hand": language.say(f"other.{'right' if content.hand == 'left' else 'left'}"),
+        "day": language.day(other.started),
+        "size": f"{limit:g}",
+    }
+    short = [gap for gap in gaps if gap.short * DEG > limit]
+    if not short:
+        return [language.say("summary.other.none", **facts)]
+    return [language.say("summary.other", joints=_gaps(short, language), **facts)]
+
+
+def _gaps(gaps: Sequence[Lacking], language: Language) -> str:
+    """The largest first: "Ring PIP flexion by 30°, Index DIP extension by 15°"."""
+    ordered = sorted(gaps, key=lambda gap: -gap.short)
+    named = [
+        language.say(
+            "summary.gap",
+            joint=" ".join(joint_words(gap.joint, language)).strip(),
+            way=language.say("cell.flexion" if gap.end == "largest" else "cell.extension"),
+            size=f"{gap.short * DEG:.0f}",
+        )
+        for gap in ordered[:NAMED]
+    ]
+    return ", ".join([*named, *_more(len(gaps), language)])
+
+
+def _more(count: int, language: Language) -> list[str]:
+    return [language.say("summary.more", count=count - NAMED)] if count > NAMED else []
+
+
+def _tapping(content: Content, language: Language) -> list[str]:
+    """Means over the trials of each tapping task."""
+    said = []
+    for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "tapping"):
+        trials = [t for t in content.tasks if t.title == title and t.result.measure == "tapping"]
+        rate, amplitude, ratio = (_mean(trials, name) for name in ("tapping_rate", "tapping_amplitude_mean", "tapping_decrement_ratio"))
+        if not np.isfinite(rate):
+            said.append(language.say("summary.tapping.none", task=language.heard(title)))
+            continue
+        facts = {"task": language.heard(title), "rate": language.number(rate, 2), "amplitude": language.number(1e3 * amplitude)}
+        words = language.say("summary.tapping", **facts)
+        if np.isfinite(ratio) and abs(ratio) >= 0.005:
+            which = "summary.tapping.smaller" if ratio < 0 else "summary.tapping.larger"
+            words += " " + language.say(which, share=language.number(abs(100 * ratio)))
+        said.append(words)
+    return said
+
+
+def _mean(trials: Sequence[Task], name: str) -> float:
+    """Over the trials that have it and whose signal is not poor; NaN where none has."""
+    found = [f.value for t in trials for f in t.result.figures if f.name == name and f.grade != "poor" and np.isfinite(f.value)]
+    return float(np.mean(found)) if found else float("nan")
+
+
+def _changes(found: Changes, language: Language) -> str:
+    judged = [c for c in found.each if c.mdc95 is not None]
+    beyond = [c for c in judged if c.beyond]
+    facts = {"day": language.day(found.since), "all": len(judged), "count": len(beyond)}
+    return language.say("summary.changed" if beyond else "summary.unchanged", **facts)
+
+
+def _signal(content: Content, language: Language) -> str:
+    """The worst grade and how many figures have it."""
+    figures: list[Figure] = [f for t in content.tasks for f in t.result.figures]
+    if not figures:
+        return ""
+    worst = max((f.grade for f in figures), key=GRADES.index)
+    count = sum(f.grade == worst for f in figures)
+    reasons = sorted({f.reason for f in figures if f.grade == worst and f.reason})
+    why = language.heard(reasons[0]) if reasons else ""
+    return language.say(f"summary.signal.{worst}", count=count, all=len(figures), reason=why)
