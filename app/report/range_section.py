@@ -44,7 +44,7 @@ def range_section(content: Content, tasks: Sequence[Task], language: Language) -
         "curves_label": say("ranges.curves.label"),
         "remarks": [*_reasons(rows, language), *_without(ranges, content.measured, language)],
         "changes": range_changes(content.changes, tasks, rows, language) if content.changes else "",
-        "caption": " ".join(said for said in _caption(content, rows, ticks, language) if said),
+        "caption": " ".join(said for said in _caption(content, tasks, rows, ticks, language) if said),
     }
 
 
@@ -114,11 +114,14 @@ def _joined_curves(tasks: Sequence[Task]) -> list[Curve]:
     return joined
 
 
-def _caption(content: Content, rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language) -> list[str]:
+def _caption(
+    content: Content, tasks: Sequence[Task], rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Language
+) -> list[str]:
     change, say = smallest_change(), language.say
     other = content.course.other if content.course else None
     return [
         say("ranges.held", seconds=language.number(range_of_motion.Params().hold / 2, 1)),
+        *(say("sd.basis", basis=language.heard(basis)) for basis in dict.fromkeys(t.result.sd_basis for t in tasks) if basis),
         say("ranges.sources", sources=_sources(rows, ticks, language)) if ticks else say("ranges.not_full"),
         say("ranges.extension", joints=_extension(rows, ticks, language)) if ticks else "",
         say("ranges.change") if content.changes else "",

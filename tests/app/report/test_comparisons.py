@@ -54,7 +54,7 @@ def row(page: Page, finger: str, joint: str) -> dict[str, str]:
 def test_the_other_hand_and_the_reference_stand_beside_the_value() -> None:
     page = words_of(among(2), ENGLISH)
     cells = row(page, "Ring", "PIP")
-    own = int(cells["flexion value"].rstrip("°"))
+    own = int(cells["flexion value"].partition("°")[0])
     assert cells["flexion other"] == f"{own + 20}°"
     assert cells["flexion reference"] == "100°"
     assert "Less than the right hand (20 November 2026) by more than 12°: Ring PIP flexion by 20°." in page["summary"]

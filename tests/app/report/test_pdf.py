@@ -108,10 +108,10 @@ def test_the_numbers_are_those_that_were_measured() -> None:
     assert f"Taps {tapping.count}" in text
     assert f"Rate {tapping.rate:.2f} per s" in text
     assert f"Amplitude, mean {1e3 * tapping.amplitudes.mean():.1f} mm" in text
-    assert re.search(r"Ring MCP 80° 90° 1\d° hyperextension 1\d° abd\., \d° add\.", text)
+    assert re.search(r"Ring MCP 80° ± \d\.\d° 90° 1\d° hyperextension 1\d° abd\., \d° add\.", text)
     wrist = {f.name: abs(round(float(np.degrees(f.value)))) for f in session()[2][-2].figures if f.name.startswith("wrist")}
     bent, stretched, ulnar, radial = (wrist[f"wrist_{name}"] for name in ("flexion_max", "flexion_min", "deviation_max", "deviation_min"))
-    assert f"Wrist {bent}° 80° {stretched}° extension {radial}° radial, {ulnar}° ulnar" in text
+    assert re.search(rf"Wrist {bent}° ± \d\.\d° 80° {stretched}° extension {radial}° radial, {ulnar}° ulnar", text)
 
 
 def test_no_angle_is_printed_with_a_bare_sign() -> None:
