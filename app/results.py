@@ -6,6 +6,8 @@ Runs in a process of its own (app/jobs.py), so that a long computation never hol
 import io
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -130,6 +132,12 @@ def load_replay(store: Store, result: Result) -> dict[str, Any]:
     path = store.path_of(replay_file(result.id))
     if not path.exists():
         save_replay(store, result.id, computed(store, result)[1].trajectory)
+    return _read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, written: int) -> dict[str, Any]:
+    """Opened files are kept a while: a page asks for one curve after the other; ten minutes are 10 MB."""
     with np.load(path) as kept:
         return {name: kept[name] for name in kept.files}
 

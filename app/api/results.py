@@ -10,14 +10,13 @@ from starlette.responses import Response
 from app.api.readings import readings
 from app.api.state import Db, LanguageDep, PartsDep
 from app.jobs import make_derivative, make_report
-from app.live.curve import value_of
+from app.kept_curves import APERTURE, beside, curves
 from app.protocols import load_all
 from app.report import Paper
+from app.report.units import READABLE
 from app.reporting import changes_of
-from app.results import load_replay
 from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES
-from estimators.trajectory import Trajectory
+from estimators.measures.comparison import Agreement
 from sessions import results
 from sessions.tables import Result
 
@@ -60,16 +59,36 @@ def read_curves(
     points: Annotated[int, Query(ge=2, le=5000)] = 1500,
 ) -> dict[str, Any]:
     """Time series in degrees (aperture: mm), thinned."""
-    unknown = [w for w in what if w != "aperture" and w not in DOF_NAMES]
-    if unknown:
-        raise InputError(f"there is no curve {unknown[0]!r}; curves are aperture and joint angles such as index_pip_flexion")
-    kept = load_replay(parts.store, _done(results.get(db, result_id)))
-    inside = (kept["t"] >= start) & (kept["t"] <= stop)
-    every = slice(None, None, max(1, -(-int(inside.sum()) // points)))
-    rows = Trajectory(
-        "left", kept["t"][inside][every], kept["angles"][inside][every], np.empty(0), kept["tips"][inside][every], np.empty(0, np.uint8)
-    )
-    return {"t": _numbers(rows.t), "curves": {w: _numbers(value_of(rows, w)) for w in what}}
+    t, found = curves(parts.store, _done(results.get(db, result_id)), what, start, stop, points)
+    return {"t": _numbers(t), "curves": {w: _numbers(values) for w, values in found.items()}}
+
+
+@router.get("/{result_id}/comparison")
+def compare(
+    db: Db,
+    parts: PartsDep,
+    result_id: int,
+    other: int,
+    what: str = APERTURE,
+    event: Annotated[int | None, Query(description="a task of the recording; without it all of it, within one recording")] = None,
+    points: Annotated[int, Query(ge=2, le=5000)] = 1500,
+) -> dict[str, Any]:
+    """One quantity of this result and of another (by another method, of the other hand, of another session), in degrees or mm.
+
+    Of one recording with the difference, other less this, and how far they agree; of two, from the onset of the same task on.
+    """
+    a, b = (_done(results.get(db, id_)) for id_ in (result_id, other))
+    if a.recording.session.patient_id != b.recording.session.patient_id:
+        raise InputError("the results are of two patients; compare sessions of one patient")
+    found = beside(parts.store, a, b, what, event, points)
+    return {
+        "t": _numbers(found.t),
+        "a": _numbers(found.a),
+        "b": _numbers(found.b),
+        "difference": _numbers(found.apart) if found.agreement else None,
+        "offsets": found.offsets,
+        "agreement": _agreement(found.agreement),
+    }
 
 
 @router.get("/{result_id}/report.{form}")
@@ -106,8 +125,19 @@ def _done(result: Result) -> Result:
     return result
 
 
+def _agreement(found: Agreement | None) -> dict[str, Any] | None:
+    """In the unit a person reads."""
+    if found is None:
+        return None
+    unit, factor = READABLE[found.unit]
+    told = {name: round(factor * getattr(found, name), 3) for name in ("drms", "offset", "drms_minus_offset", "rom_a", "rom_b", "drom")}
+    return {"unit": unit, **told, "correlation": round(found.correlation, 4) if np.isfinite(found.correlation) else None}
+
+
 def _numbers(values: Any) -> list[float | None]:
-    return [round(float(v), 3) if np.isfinite(v) else None for v in values]
+    """Rounded, null for NaN: as short as JSON gets."""
+    rounded = np.round(np.asarray(values, float), 2).tolist()
+    return [v if v == v else None for v in rounded]
 
 
 def _download(data: bytes, kind: str, name: str, inline: bool = False) -> Response:

@@ -3,6 +3,7 @@ import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as again from "../session/again.js";
 import * as changes from "../session/changes.js";
+import * as compare from "../session/compare.js";
 import * as downloads from "../session/downloads.js";
 import * as notes from "../session/notes.js";
 import * as progress from "../session/progress.js";
@@ -42,11 +43,14 @@ export function mount(root, api, { id, go, title }) {
   };
 }
 
-/** The result that the address names, else the newest by the corrections that count. */
+/** The result that the address names, else what counts now by the way of the first one: others were tried beside it. */
 function pick(session) {
   const all = session.recordings.flatMap((recording) => recording.results);
   const named = Number(new URLSearchParams(location.search).get("result"));
-  return all.find((result) => result.id === named) ?? all.find((result) => result.current) ?? all[0] ?? null;
+  const way = (result) => JSON.stringify([result?.method, result?.parameters]);
+  const first = way(all.at(-1));
+  const now = all.filter((result) => result.current);
+  return all.find((result) => result.id === named) ?? now.find((result) => way(result) === first) ?? now[0] ?? all[0] ?? null;
 }
 
 function draw(root, api, about) {
@@ -58,7 +62,7 @@ function draw(root, api, about) {
     [changes, place("stack")],
     [tapping, place("stack")],
   ];
-  const tasks = done ? [[trials, place()]] : [];
+  const tasks = done ? [trials, compare].map((part) => [part, place()]) : [];
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];

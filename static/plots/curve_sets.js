@@ -1,5 +1,6 @@
 /** Curves that are looked at together, by the name of the choice; how the lines of a set are told apart. */
 import { select } from "../forms.js";
+import { curveWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const FINGERS = ["index", "middle", "ring", "little"];
@@ -24,6 +25,13 @@ export const LINES = [
 export function chooseSet(tapping, onchange) {
   const rows = Object.keys(SETS).map((name) => [name, t(`set.${name}`)]);
   return select(rows, tapping ? "aperture" : "index", { "aria-label": t("curves.choose"), onchange });
+}
+
+/** A choice of one curve alone. */
+export function chooseCurve(tapping, onchange) {
+  const all = [...new Set(Object.values(SETS).flat())];
+  const rows = all.map((what) => [what, curveWords(what)]);
+  return select(rows, tapping ? "aperture" : "index_pip_flexion", { "aria-label": t("curves.choose"), onchange });
 }
 
 /** Where the curves of a result are asked for, between two moments in s where given. */

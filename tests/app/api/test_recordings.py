@@ -115,6 +115,29 @@ def test_the_same_method_and_options_give_the_result_that_is_there(client: TestC
         assert sentence in refused.json()["error"]
 
 
+def test_two_results_stand_on_one_clock(client: TestClient, patient: int, packed: bytes) -> None:
+    made = upload(client, patient, packed).json()
+    other = client.post(f"/api/sessions/{made['session']}/results", json={"method": "m2", "options": {"alignment": "heading"}}).json()[
+        "result"
+    ]
+    another = upload(client, patient, changed(packed, "dataset_description.json", lambda data: data + b" ")).json()
+    for result in (made["result"], other, another["result"]):
+        assert finished(client, result)["state"] == "done"
+    base, pip = f"/api/results/{made['result']}/comparison", {"what": "index_pip_flexion"}
+    methods = client.get(base, params={"other": other, **pip}).json()
+    a, b = (np.array(methods[side], float) for side in "ab")
+    assert methods["agreement"]["drms"] == pytest.approx(np.sqrt(np.mean((b - a) ** 2)), abs=0.05)
+    assert methods["agreement"]["unit"] == "deg"
+    sessions = client.get(base, params={"other": another["result"], "event": 1, **pip}).json()
+    assert (sessions["agreement"], sessions["t"][0], sessions["a"] == sessions["b"]) == (None, pytest.approx(0, abs=0.02), True)
+    for params, sentence in (({"other": another["result"]}, "say which task"), ({"other": other, "event": 77}, "there is no task 77")):
+        assert sentence in client.get(base, params={**params, **pip}).json()["error"]
+    stranger = client.post("/api/patients", json={"pseudonym": f"S-{patient}"}).json()["id"]
+    theirs = upload(client, stranger, packed).json()["result"]
+    finished(client, theirs)
+    assert "two patients" in client.get(base, params={"other": theirs, **pip}).json()["error"]
+
+
 def test_a_trial_is_left_out_with_a_reason_and_taken_back(client: TestClient, patient: int, packed: bytes) -> None:
     made = upload(client, patient, packed).json()
     first = finished(client, made["result"])

@@ -1,0 +1,33 @@
+"""Curves for pages: thinned without losing a peak, and two results on one clock."""
+
+import numpy as np
+import pytest
+
+from app.kept_curves import thinned
+
+
+def test_thinning_loses_no_peak_and_keeps_the_order() -> None:
+    t = np.arange(36_000) / 60
+    tapping = 30 + 30 * np.cos(2 * np.pi * 2.5 * t)  # ten minutes: every 24th sample would show a slow beat
+    spike = np.where(t == t[20_001], 500.0, 0.0)
+    places, (a, b) = thinned(t, [tapping, spike], 1500)
+    assert len(places) <= 1500 and (np.diff(places) > 0).all()
+    assert (a.max(), a.min()) == pytest.approx((60.0, 0.0), abs=0.2)
+    assert np.ptp(a.reshape(-1, 10), axis=1).min() > 55
+    assert b.max() == 500.0
+    assert abs(places[b.argmax()] - t[20_001]) < 2 * 36_000 / 1500 / 60
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 99, 100, 101, 1001])
+def test_any_number_of_samples_is_thinned_to_the_number_wanted(count: int) -> None:
+    t = np.arange(count) / 10.0
+    places, (values,) = thinned(t, [t], 100)
+    assert len(places) == len(values) <= max(100, 0)
+    assert np.nanmin(values, initial=0.0) == 0.0
+
+
+def test_what_is_not_known_stays_so() -> None:
+    t = np.arange(1000) / 10.0
+    values = np.where(t < 50, np.nan, 1.0)
+    _, (found,) = thinned(t, [values], 100)
+    assert np.isnan(found[:48]).all() and (found[52:] == 1.0).all()
