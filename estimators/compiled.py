@@ -4,20 +4,37 @@ numba translates a kernel when its module is first imported on a machine, some t
 user's cache where that folder is not writable). docs/decisions/0004-compiled-rows.md has why and what it gains.
 """
 
+import hashlib
 import re
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, Protocol
 
 import numpy as np
-from numba import boolean, float64, guvectorize
+from numba import boolean, float64, guvectorize, njit
+from numba.extending import is_jitted
 from numpy.typing import NDArray
 
-Compiled = Callable[..., NDArray[np.float64]]
 Told = Callable[..., NDArray[np.bool_]]
 
 
+class Compiled(Protocol):
+    """A kernel over arrays; `row` is what other kernels call for one row of it, with the last argument to be filled."""
+
+    row: Callable[..., None]
+
+    def __call__(self, *arrays: Any) -> NDArray[np.float64]: ...
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of one row that kernels call; it may fill its arguments."""
+    compiled: Callable[..., Any] = njit(error_model="numpy")(function)
+    return compiled
+
+
 def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:
-    """A kernel of float64 rows as a numpy ufunc; `layout` as of generalised ufuncs, "(q),(v)->(v)": the kernel fills its last argument.
+    """A kernel of float64 rows as a numpy ufunc; `layout` as of generalised ufuncs, "(q),(v)->(v)": the kernel fills its last argument, or its
+    last ones where the layout names more than one result.
 
     Sums are never reordered (no fastmath), so a row's result does not depend on its neighbours. NaN is what is not known: it passes through, unwarned.
     """
@@ -29,16 +46,34 @@ def told_by_row(layout: str) -> Callable[[Callable[..., None]], Told]:
     return lambda kernel: _over_rows(kernel, layout, boolean)
 
 
-def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Callable[..., Any]:
+def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
     taken, given = layout.split("->")
     types = [_typed(core, float64, float64) for core in _cores(taken)] + [_typed(core, gives, gives[:]) for core in _cores(given)]
+    row = inlined(kernel)
+    if called := list(called_by(kernel)):
+        # numba knows a kept kernel by its own file: what it calls may stand in others and gives it a name of its own
+        kernel.__qualname__ += "_" + hashlib.sha256(repr(called).encode()).hexdigest()[:12]
     ufunc = guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
 
     def over_rows(*arrays: Any) -> Any:
         with np.errstate(invalid="ignore"):
             return ufunc(*arrays)
 
+    over_rows.row = row  # type: ignore[attr-defined]
     return over_rows
+
+
+def called_by(kernel: Callable[..., Any]) -> Iterator[Any]:
+    """Code of the functions that a kernel calls, and numbers that it takes from its module or others."""
+    names, scope = kernel.__code__.co_names, kernel.__globals__
+    for within in (scope, *(vars(scope[n]) for n in names if isinstance(scope.get(n), ModuleType))):
+        for name in names:
+            value = within.get(name)
+            if is_jitted(value):
+                yield name, value.py_func.__code__.co_code, value.py_func.__code__.co_consts
+                yield from called_by(value.py_func)
+            elif isinstance(value, int | float | tuple):
+                yield name, value
 
 
 def _cores(layout: str) -> list[str]:

@@ -7,14 +7,17 @@ Source  ours; that a sensor is turned by its skin in proportion to flexion is th
 Limits  the hand's sensor is not turned by skin: its part is counted to the chain's first joint
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
+from estimators.compiled import inlined, rowwise
 from estimators.options import option
 from estimators.quaternions import Array
+from estimators.small_matrices import block, product, put
 
 ANGLES, BIASES, SEATS, SKIN = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42)
 SIZE = 42
@@ -37,40 +40,9 @@ class SeatParams:
     )
 
 
-@dataclass(frozen=True)
-class Seated:
-    """The true joints of F chains."""
-
-    q: Array  # (F, 3, 4)
-    A: Array  # (F, 9, 42) how their errors d, q_true = q exp(d), follow from the chain's error states
-
-
-def carried(q_pc: Array, turned: Array) -> Array:
-    """Joint rotations (..., 3, 4) after the four sensors have turned by (..., 4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
-    return quat.normalize(quat.multiply(quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :]))
-
-
 def joints(q_pc: Array, seat: Array, skin: Array, turned: Array) -> Array:
     """True joint rotations (..., 3, 4) after the sensors have turned by (..., 4, 4)."""
-    return _joints(carried(q_pc, turned), seat, skin)[0]
-
-
-def seated(q_pc: Array, seat: Array, skin: Array) -> Seated:
-    """The true joints of rotations (F, 3, 4) between sensors, with derivatives; flexion counts as known where it turns the skin."""
-    q, q_SB, flexion = _joints(q_pc, seat, skin)
-    A = np.zeros((len(q), 9, SIZE))
-    R_cs, R_cp = quat.matrix(quat.conjugate(q_SB)), quat.matrix(quat.conjugate(q))  # sensor to its segment; parent to child
-    turn = flexion[..., None] * skin
-    of_seat, of_skin = quat.matrix(quat.exp(turn)), -flexion[..., None, None] * right_jacobian(-turn)
-    for j in range(3):
-        rows, seat_c, skin_c = slice(3 * j, 3 * j + 3), slice(24 + 3 * j, 27 + 3 * j), slice(33 + 3 * j, 36 + 3 * j)
-        A[:, rows, rows], A[:, rows, seat_c], A[:, rows, skin_c] = R_cs[:, j], of_seat[:, j], of_skin[:, j]
-        if j == 0:
-            A[:, rows, 21:24] = -R_cp[:, 0]
-        else:
-            A[:, rows, 21 + 3 * j : 24 + 3 * j] = -R_cp[:, j] @ of_seat[:, j - 1]
-            A[:, rows, 30 + 3 * j : 33 + 3 * j] = -R_cp[:, j] @ of_skin[:, j - 1]
-    return Seated(q, A)
+    return _joints(q_pc, seat, skin, turned)
 
 
 def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], aligned: bool = True) -> Array:
@@ -105,33 +77,90 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.boo
     return np.asarray(P)
 
 
-def right_jacobian(v: Array) -> Array:
-    """exp(v + dv) = exp(v) exp(J dv), (..., 3, 3)."""
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+@inlined
+def right_jacobian_row(v: Array, J: Array) -> None:
+    """exp(v + dv) = exp(v) exp(J dv), of (3,) the (3, 3)."""
+    x, y, z = v[0], v[1], v[2]
     sq = x * x + y * y + z * z
-    small = sq < 1e-6
-    safe = np.where(small, 1.0, sq)
-    angle = np.sqrt(safe)
-    a = np.where(small, 0.5 - sq / 24, (1 - np.cos(angle)) / safe)
-    b = np.where(small, 1 / 6 - sq / 120, (angle - np.sin(angle)) / (safe * angle))
-    S = quat.skew(v)
-    return np.asarray(np.eye(3) - a[..., None, None] * S + b[..., None, None] * (S @ S))
+    angle = math.sqrt(sq)
+    a = 0.5 - sq / 24 if sq < 1e-6 else (1 - math.cos(angle)) / sq
+    b = 1 / 6 - sq / 120 if sq < 1e-6 else (angle - math.sin(angle)) / (sq * angle)
+    J[0, 0], J[0, 1], J[0, 2] = 1 - b * (y * y + z * z), a * z + b * x * y, b * x * z - a * y
+    J[1, 0], J[1, 1], J[1, 2] = b * x * y - a * z, 1 - b * (x * x + z * z), a * x + b * y * z
+    J[2, 0], J[2, 1], J[2, 2] = a * y + b * x * z, b * y * z - a * x, 1 - b * (x * x + y * y)
 
 
-def _joints(q_pc: Array, seat: Array, skin: Array) -> tuple[Array, Array, Array]:
-    """True joints (..., 3, 4), seats of their children as the skin has turned them (..., 3, 4), flexions (..., 3) that count for the skin."""
-    bent = quat.multiply(quat.multiply(quat.conjugate(seat[..., :3, :]), q_pc), seat[..., 1:, :])  # were it not for the skin
-    flexion = _flexion(bent)
-    by_skin = quat.exp(-flexion[..., None] * skin)
-    q = quat.multiply(bent, by_skin)
-    q[..., 1:, :] = quat.multiply(quat.conjugate(by_skin[..., :2, :]), q[..., 1:, :])
-    return q, quat.multiply(seat[..., 1:, :], by_skin), flexion
+@inlined
+def carried_row(q_pc: Array, turned: Array, q_new: Array) -> None:
+    """Joint rotations (3, 4) after the four sensors have turned by (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
+    back, half = np.empty(4), np.empty(4)
+    for j in range(3):
+        quat.conjugate_row(turned[j], back)
+        quat.multiply_row(back, q_pc[j], half)
+        quat.multiply_row(half, turned[j + 1], back)
+        quat.normalize_row(back, q_new[j])
 
 
-def _flexion(q: Array) -> Array:
-    """Of joint_angles.decompose the first."""
-    w, x, y, z = (q[..., k] for k in range(4))
-    return np.asarray(np.arctan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z))
+@inlined
+def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexion: Array) -> None:
+    """True joints (3, 4), seats of their children as the skin has turned them (3, 4), flexions (3,) that count for the skin."""
+    inverse, half, bent, by_skin, before, turn = np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(3)
+    for j in range(3):
+        quat.conjugate_row(seat[j], inverse)
+        quat.multiply_row(inverse, q_pc[j], half)
+        quat.multiply_row(half, seat[j + 1], bent)  # were it not for the skin
+        w, x, y, z = bent[0], bent[1], bent[2], bent[3]
+        flexion[j] = math.atan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z)  # as joint_angles.decompose
+        for a in range(3):
+            turn[a] = -flexion[j] * skin[j, a]
+        quat.exp_row(turn, half, by_skin)
+        quat.multiply_row(seat[j + 1], by_skin, q_SB[j])
+        quat.multiply_row(bent, by_skin, half)
+        quat.multiply_row(before, half, q[j])
+        if j == 0:
+            for a in range(4):
+                q[j, a] = half[a]
+        quat.conjugate_row(by_skin, before)
+
+
+@inlined
+def seated_row(q_pc: Array, seat: Array, skin: Array, q: Array, A: Array) -> None:
+    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 42): how their errors d, q_true = q exp(d), follow from the chain's error
+    states; flexion counts as known where it turns the skin."""
+    q_SB, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
+    R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    of_seat, of_skin = np.empty((3, 3, 3)), np.empty((3, 3, 3))
+    bent_row(q_pc, seat, skin, q, q_SB, flexion)
+    for j in range(3):
+        for a in range(3):
+            turn[a] = flexion[j] * skin[j, a]
+        quat.exp_row(turn, inverse, inverse)
+        quat.matrix_row(inverse, turn, of_seat[j])
+        for a in range(3):
+            turn[a] = -turn[a]
+        right_jacobian_row(turn, of_skin[j])
+        quat.conjugate_row(q_SB[j], inverse)
+        quat.matrix_row(inverse, turn, R_cs)  # sensor to its segment
+        quat.conjugate_row(q[j], inverse)
+        quat.matrix_row(inverse, turn, R_cp)
+        block(1.0, R_cs, 3 * j, 3 * j, A)
+        block(1.0, of_seat[j], 3 * j, 24 + 3 * j, A)
+        block(-flexion[j], of_skin[j], 3 * j, 33 + 3 * j, A)
+        if j == 0:
+            block(-1.0, R_cp, 0, 21, A)
+        else:
+            product(R_cp, of_seat[j - 1], by_parent)
+            block(-1.0, by_parent, 3 * j, 21 + 3 * j, A)
+            product(R_cp, of_skin[j - 1], by_parent)
+            block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
+
+
+@rowwise("(j,q),(s,q),(j,v),(s,q)->(j,q)")
+def _joints(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> None:
+    q_now, joints, q_SB, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    carried_row(q_pc.copy(), turned.copy(), q_now)
+    bent_row(q_now, seat.copy(), skin.copy(), joints, q_SB, flexion)
+    put(joints, q)
 
 
 def _upwards(acc: Array) -> Array:

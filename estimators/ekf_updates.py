@@ -1,20 +1,23 @@
 """What a chain's sensors and joints say: measurements of an error-state filter with their Jacobians.
 
-In      rotations between sensors, gravity or specific forces in their frames (F, 4, 3), how fast they turn (F, 4); the true joints (ekf_seats.Seated)
-Out     rows for a Kalman update: what was missed, its Jacobian by the 42 error states, its variance
+In      of one chain the rotations between sensors, gravity or specific forces in their frames (4, 3), how fast they turn (4,); the true joints
+Out     rows for a Kalman update: what was missed, its Jacobian H by the 42 error states, its noise; rows that are not used have zero Jacobians and miss
+        nothing
 Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates, (2.29)-(2.32) what joints cannot do, written for angles:
         the same for small ones, and ranges of motion fit in; zero-rate updates as VQF has them (Laidig & Seel 2023)
 Limits  time-correlated noise counts as white noise of as much more variance as the time it lasts is longer than the time between two updates
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators import hand_anatomy, joint_angles
 from estimators import quaternions as quat
-from estimators.ekf_seats import SIZE, Seated
+from estimators.compiled import inlined, rowwise
+from estimators.ekf_seats import SIZE
 from estimators.hand_anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
 from estimators.options import option
 from estimators.quaternions import Array
@@ -22,7 +25,8 @@ from estimators.quaternions import Array
 GRAVITY = 9.80665  # m/s^2
 REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
 SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
-STEEPEST = np.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
+FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same
+STEEPEST = math.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
 _CHAINS = [
     *([JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS),
     [JOINT["wrist"]] * 3,
@@ -84,117 +88,149 @@ class UpdateParams:
     )
 
 
-@dataclass(frozen=True)
-class Rows:
-    """M measurements of each chain; those that are not used have zero Jacobians and miss nothing."""
-
-    missed: Array  # (F, M) measured minus expected
-    H: Array  # (F, M, 42) by the error states
-    noise: Array  # (F, M, M) covariance
+# places of the options in what a kernel takes of them
+(FUSED, INCLINATION, INCLINATION_TIME, ACC_NOISE, ACC_ERROR, ACC_GATE, RATE_GATE, LEVER) = range(8)
+(DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING) = range(8, 13)
 
 
-def vectors(params: UpdateParams, R_pc: Array, acc: Array, up: Array, rates: Array, usable: NDArray[np.bool_], span: float) -> Rows:
-    """Three rows a joint: both sensors see the same vector acc (F, 4, 3); `usable` (F, 3) says where both are measured.
-
-    Turns about the vertical are not seen. The slopes are taken at `up` (F, 4, 3), the vertical as it was seen over a long time: about the newest, whose
-    errors change all the time, the filter would seem to see them after all (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
-
-    Neighbouring joints share a sensor and its error: what the one joint misses too much the other misses too little.
-    """
-    parent, child = acc[:, :3], acc[:, 1:]
-    expected = (R_pc @ child[..., None])[..., 0]
-    if params.vertical == "fused":
-        used, lasts = usable, params.inclination_time
-        variance = np.full(usable.shape, 2 * (GRAVITY * np.radians(params.inclination)) ** 2)
-    else:
-        apart = np.abs(_norm(parent) - _norm(child))  # (2.27)
-        fastest = np.maximum(rates[:, :3], rates[:, 1:])  # (2.28)
-        used, lasts = usable & (apart < params.acc_gate) & (fastest < params.rate_gate), params.correlation
-        variance = 2 * params.acc_noise**2 + params.acc_error**2 + apart**2 + (params.lever * fastest**2) ** 2
-    H = np.zeros((len(acc), 3, 3, SIZE))
-    slopes = np.where(used[..., None, None], vector_jacobian(R_pc, GRAVITY * up[:, 1:]), 0.0)
-    for j in range(3):
-        H[:, j, :, 3 * j : 3 * j + 3] = slopes[:, j]
-    rows = _rows(np.where(used[..., None], parent - expected, 0.0), H, np.repeat(variance[..., None], 3, axis=-1))
-    for j in range(2):
-        a, b = slice(3 * j, 3 * j + 3), slice(3 * j + 3, 3 * j + 6)
-        shared = -0.5 * np.sqrt(variance[:, j] * variance[:, j + 1])[:, None, None] * R_pc[:, j]
-        rows.noise[:, a, b], rows.noise[:, b, a] = shared, shared.transpose(0, 2, 1)
-    return replace(rows, noise=rows.noise * max(1.0, lasts / span))
-
-
-def settled(up: Array, turned: Array, acc: Array, told: NDArray[np.bool_], span: float) -> Array:
-    """The vertical (F, 4, 3) over a long time in frames that have turned by `turned` (F, 4, 4), drawn towards what is `told` (F, 4) now."""
-    carried, now = quat.rotate(quat.conjugate(turned), up), acc / np.where(told, _norm(acc), 1.0)[..., None]
-    far = ((carried * now).sum(axis=-1) < np.cos(np.radians(10.0)))[..., None]  # a beginning, or after a gap
-    mixed = carried + np.where(far, 1.0, min(1.0, span / SETTLED)) * (now - carried)
-    mixed = np.where(told[..., None], mixed, carried)
-    size = _norm(mixed)[..., None]
-    return np.asarray(mixed / np.where(size > 0, size, 1.0))
-
-
-def vector_jacobian(R_pc: Array, v_c: Array) -> Array:
-    """How R_pc v_c changes with dth: -R_pc [v_c]x (..., 3, 3). (2.26)"""
-    return np.asarray(-R_pc @ quat.skew(v_c))
-
-
-def joints(
-    params: UpdateParams, seated: Seated, P: Array, free: NDArray[np.bool_], limits: Array, known: NDArray[np.bool_], span: float
-) -> Rows:
-    """Three rows a joint: angles that are no freedom are zero, the others within their range; softly. (2.29)-(2.32)
-
-    Slopes are taken where the joint is allowed to be, so that a hinge never seems to tell its flexion. The end of a range tells only that an angle is
-    below it: its noise is as large as the angle's own, from the joints' covariance P (F, 9, 9).
-    """
-    angles = joint_angles.decompose(seated.q)
-    allowed = np.minimum(np.maximum(angles, limits[..., 0]), limits[..., 1])
-    missed = allowed - angles
-    told = known[..., None] & (~free | (missed != 0)) & params.dimensions
-    slopes = np.where(told[..., None], angle_jacobian(allowed), 0.0)
-    own = np.stack([P[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3] for j in range(3)], axis=1)
-    unsure = np.where(free, ((slopes @ own) * slopes).sum(axis=-1), 0.0)
-    variance = (np.radians(params.dimension_noise) ** 2 + unsure) * max(1.0, params.correlation / span)
-    return _rows(np.where(told, missed, 0.0), slopes @ seated.A.reshape(-1, 3, 3, SIZE), variance)
+def numbers(params: UpdateParams) -> Array:
+    """The options in SI units."""
+    of_vectors = params.vertical == "fused", np.radians(params.inclination), params.inclination_time, params.acc_noise, params.acc_error
+    of_gates = params.acc_gate, params.rate_gate, params.lever
+    of_joints = params.dimensions, np.radians(params.dimension_noise), params.correlation
+    return np.array([*of_vectors, *of_gates, *of_joints, np.radians(params.rest_rate), np.radians(params.creeping)], float)
 
 
 def angle_jacobian(angles: Array) -> Array:
     """How flexion, deviation and pronation (..., 3) change with d, q_true = q exp(d): (..., 3 angles, 3)."""
-    deviation = np.minimum(np.maximum(angles[..., DEVIATION], -STEEPEST), STEEPEST)
-    c, s, cd, td = np.cos(angles[..., PRONATION]), np.sin(angles[..., PRONATION]), np.cos(deviation), np.tan(deviation)
-    J = np.zeros((*angles.shape, 3))
-    J[..., FLEXION, 0], J[..., FLEXION, 2] = -s / cd, c / cd
-    J[..., DEVIATION, 0], J[..., DEVIATION, 2] = c, s
-    J[..., PRONATION, 0], J[..., PRONATION, 1], J[..., PRONATION, 2] = s * td, 1.0, -c * td
-    return J
+    return _angle_jacobian(angles, angles)
 
 
-def resting(params: UpdateParams, crept: Array, rest: Array, due: NDArray[np.bool_]) -> Rows:
-    """Three rows a sensor: what it seemed to turn by, (F, 4, 3) rad in `rest` (F, 4) s, was its bias; of those that are `due`."""
-    H = np.zeros((len(crept), 12, SIZE))
-    H[:, range(12), range(9, 21)] = np.repeat(due, 3, axis=1)
-    missed = np.where(due, 1.0 / np.where(due, rest, 1.0), 0.0)[..., None] * crept
-    variance = np.full((len(crept), 12), np.radians(params.creeping) ** 2)
-    return Rows(missed.reshape(-1, 12), H, variance[..., None] * np.eye(12))
+@inlined
+def vectors_row(
+    p: Array, q_pc: Array, acc: Array, up: Array, rates: Array, usable: Array, span: float, missed: Array, H: Array, noise: Array
+) -> None:
+    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `usable` (3,) says where both are measured.
+
+    Turns about the vertical are not seen. The slopes are taken at `up` (4, 3), the vertical as it was seen over a long time: about the newest, whose
+    errors change all the time, the filter would seem to see them after all (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
+
+    Neighbouring joints share a sensor and its error: what the one joint misses too much the other misses too little.
+    """
+    used, variance, R_pc, v = np.zeros(3), np.empty(3), np.empty((3, 3, 3)), np.empty(3)
+    lasts = max(1.0, (p[INCLINATION_TIME] if p[FUSED] > 0 else p[CORRELATION]) / span)
+    for j in range(3):
+        quat.matrix_row(q_pc[j], v, R_pc[j])
+        if p[FUSED] > 0:
+            used[j], variance[j] = usable[j], 2 * (GRAVITY * p[INCLINATION]) ** 2
+        else:
+            apart, fastest = abs(_norm(acc[j]) - _norm(acc[j + 1])), max(rates[j], rates[j + 1])
+            if usable[j] > 0 and apart < p[ACC_GATE] and fastest < p[RATE_GATE]:  # (2.27), (2.28)
+                used[j] = 1.0
+            variance[j] = 2 * p[ACC_NOISE] ** 2 + p[ACC_ERROR] ** 2 + apart**2 + (p[LEVER] * fastest**2) ** 2
+        for a in range(3):
+            noise[3 * j + a, 3 * j + a] = lasts * variance[j]
+            v[a] = GRAVITY * up[j + 1, a]
+        if used[j] > 0:
+            vector_jacobian_row(R_pc[j], v, 3 * j, 3 * j, H)
+            for a in range(3):
+                r = R_pc[j, a]
+                missed[3 * j + a] = acc[j, a] - (r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2])  # (2.25)
+    for j in range(2):
+        shared = -0.5 * lasts * math.sqrt(variance[j] * variance[j + 1])
+        for a in range(3):
+            for b in range(3):
+                noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = shared * R_pc[j, a, b]
 
 
-def stacked(parts: list[Rows]) -> Rows:
-    """All measurements as one, each part's noise its own."""
-    missed, H = (np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("missed", "H"))
-    noise, first = np.zeros((len(missed), missed.shape[1], missed.shape[1])), 0
-    for part in parts:
-        last = first + part.missed.shape[1]
-        noise[:, first:last, first:last] = part.noise
-        first = last
-    return Rows(missed, H, noise)
+@inlined
+def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array) -> None:
+    """How R_pc v_c changes with dth, at its place in H: -R_pc [v_c]x. (2.26)"""
+    for a in range(3):
+        x, y, z = R_pc[a, 0], R_pc[a, 1], R_pc[a, 2]
+        H[row + a, column] = v_c[1] * z - v_c[2] * y
+        H[row + a, column + 1] = v_c[2] * x - v_c[0] * z
+        H[row + a, column + 2] = v_c[0] * y - v_c[1] * x
 
 
-def _rows(missed: Array, H: Array, variance: Array) -> Rows:
-    """Rows of joints (F, 3, m), (F, 3, m, 42) as rows of the chain."""
-    chains = len(missed)
-    size = missed[0].size
-    return Rows(missed.reshape(chains, -1), H.reshape(chains, -1, SIZE), variance.reshape(chains, -1, 1) * np.eye(size))
+@inlined
+def settled_row(up: Array, turned: Array, acc: Array, told: Array, span: float, settled: Array) -> None:
+    """The vertical (4, 3) over a long time in frames that have turned by `turned` (4, 4), drawn towards what is `told` (4,) now."""
+    back, carried = np.empty(4), np.empty(3)
+    for s in range(4):
+        quat.conjugate_row(turned[s], back)
+        quat.rotate_row(back, up[s], carried)
+        if told[s] > 0:
+            size = _norm(acc[s])
+            along = (carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]) / size
+            weight = 1.0 if along < FAR else min(1.0, span / SETTLED)  # far: a beginning, or after a gap
+            for a in range(3):
+                carried[a] += weight * (acc[s, a] / size - carried[a])
+        size = _norm(carried)
+        for a in range(3):
+            settled[s, a] = carried[a] / size if size > 0 else carried[a]
 
 
-def _norm(v: Array) -> Array:
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
+@inlined
+def joints_row(
+    p: Array, q: Array, A: Array, P: Array, free: Array, limits: Array, known: Array, span: float, missed: Array, H: Array, noise: Array
+) -> None:
+    """Rows 9..17, three a joint: angles that are no freedom are zero, the others within their range; softly. (2.29)-(2.32)
+
+    Slopes are taken where the joint is allowed to be, so that a hinge never seems to tell its flexion. The end of a range tells only that an angle is
+    below it: its noise is as large as the angle's own, from the covariance P (42, 42) of the error states.
+    """
+    angles, allowed, J = np.empty(3), np.empty(3), np.empty((3, 3))
+    lasts = max(1.0, p[CORRELATION] / span)
+    for j in range(3):
+        joint_angles.decompose_row(q[j], angles, angles)
+        for a in range(3):
+            allowed[a] = min(max(angles[a], limits[j, a, 0]), limits[j, a, 1])
+        angle_jacobian_row(allowed, allowed, J)
+        for a in range(3):
+            row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
+            variance = p[DIMENSION_NOISE] ** 2
+            if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
+                missed[row] = outside
+                for k in range(SIZE):
+                    H[row, k] = J[a, 0] * A[3 * j, k] + J[a, 1] * A[3 * j + 1, k] + J[a, 2] * A[3 * j + 2, k]
+                variance += _variance(H[row], P) if free[j, a] > 0 else 0.0
+            noise[row, row] = variance * lasts
+
+
+@inlined
+def resting_row(p: Array, crept: Array, rest: Array, due: Array, missed: Array, H: Array, noise: Array) -> None:
+    """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest` (4,) s, was its bias; of those that are `due`."""
+    for s in range(4):
+        for a in range(3):
+            row = 3 * s + a
+            noise[row, row] = p[CREEPING] ** 2
+            missed[row], H[row, 9 + row] = (crept[s, a] / rest[s], 1.0) if due[s] > 0 else (0.0, 0.0)
+
+
+@inlined
+def _variance(h: Array, P: Array) -> float:
+    """h P h'."""
+    total = 0.0
+    for i in range(len(h)):
+        if h[i] != 0.0:
+            for j in range(len(h)):
+                total += h[i] * P[i, j] * h[j]
+    return total
+
+
+@inlined
+def _norm(v: Array) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@rowwise("(a),(v)->(a,v)")
+def _angle_jacobian(angles: Array, row: Array, J: Array) -> None:
+    deviation = min(max(angles[DEVIATION], -STEEPEST), STEEPEST)
+    c, s, cd, td = math.cos(angles[PRONATION]), math.sin(angles[PRONATION]), math.cos(deviation), math.tan(deviation)
+    J[FLEXION, 0], J[FLEXION, 1], J[FLEXION, 2] = -s / cd, 0.0, c / cd
+    J[DEVIATION, 0], J[DEVIATION, 1], J[DEVIATION, 2] = c, 0.0, s
+    J[PRONATION, 0], J[PRONATION, 1], J[PRONATION, 2] = s * td, 1.0, -c * td
+
+
+angle_jacobian_row = _angle_jacobian.row

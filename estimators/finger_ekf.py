@@ -9,17 +9,21 @@ Source  Kortier, thesis ch. 2: state (2.3), (2.5); errors (2.15)-(2.22); his q^{
 Limits  noise that is correlated in time is taken as white noise that is larger; the chains each know the hand's sensor for themselves
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_seats, ekf_updates
+from estimators import ekf_seats, ekf_updates, ekf_windows
 from estimators import quaternions as quat
-from estimators.ekf_seats import ANGLES, BIASES, SEATS, SIZE, SKIN, Seated, SeatParams
-from estimators.ekf_updates import IS_FREE, LIMITS, UpdateParams
+from estimators.compiled import inlined, rowwise
+from estimators.ekf_seats import SIZE, SeatParams
+from estimators.ekf_updates import IS_FREE, LIMITS, REST, REST_RATE, UpdateParams
+from estimators.kalman import correct
 from estimators.options import option
 from estimators.quaternions import Array
+from estimators.small_matrices import put, spread
 
 Bools = NDArray[np.bool_]
 
@@ -80,11 +84,10 @@ class State:
     aligned: bool  # the pose has turned the sensors' frames until gravity agrees
     t: float  # s, newest update; -inf before the first sample
     newest: float  # s, newest sample
-    turned: Array  # (F, 4, 4) what the sensors have turned by since
-    turns: Array  # (m, F, 4, 3) rad, of the samples since, biases removed
-    after: Array  # (m, F, 4, 4) `turned` after each of them
-    bias_time: Array  # (m, F, 4) s
-    doubt: Array  # (m, F, 4) rad^2
+    turned: Array  # (F, 4, 4) what the sensors have turned by since the update
+    by_bias: Array  # (F, 4, 3, 3) how that changes with their biases: T(b + db) = T exp(J db)
+    bias_time: Array  # (F, 4) s of the biases that is in it
+    doubt: Array  # (F, 4) rad^2, variance of what it may have missed
     rest: Array  # (F, 4) s, how long each sensor has hardly turned
     crept: Array  # (F, 4, 3) rad that it has seemed to turn by in that time
     up: Array  # (F, 4, 3) the vertical over a long time, zero where not known
@@ -113,51 +116,29 @@ def start(params: FilterParams, bias_sd: Array, aligned: bool = True, free: Bool
 
 def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, Estimate]:
     """Advance by samples of any number, 0 included: nothing depends on where they are cut."""
-    n, chains = len(samples), len(state.q_pc)
+    n, chains, numbers = len(samples), len(state.q_pc), _numbers(params)
     after, base, told, P = np.empty((n, chains, 4, 4)), np.empty(n, np.intp), [], []
     states, first = [state], 0
     while first < n:
         if not np.array_equal(state.known, samples.known[first]):
-            state = _started(params, state, samples, first)
+            state = _started(params, numbers, state, samples, first)
             states.append(state)
             told.append(first)
-            P.append(_of_joints(state, ekf_seats.seated(state.q_pc, state.seat, state.skin)))
+            P.append(_told(numbers, state, samples.acc[first], 0.0, state)[1])
         last, closes = _window(params, state, samples, first)
-        state = _turned(state, samples, first, last)
-        after[first:last], base[first:last] = state.after[len(state.after) - (last - first) :], len(states) - 1
+        state, after[first:last] = _turned(state, samples, first, last)
+        base[first:last] = len(states) - 1
         if closes:
-            state, seated = _updated(params, state, samples, last - 1)
+            ended = _predicted(numbers, state)
+            state, of_joints = _told(numbers, ended, samples.acc[last - 1], _span(state), state)
             states.append(state)
             told.append(last - 1)
-            P.append(_of_joints(state, seated))
+            P.append(of_joints)
             after[last - 1], base[last - 1] = state.turned, len(states) - 1
         first = last
     q_pc, seat, skin = (np.array([getattr(s, name) for s in states])[base] for name in ("q_pc", "seat", "skin"))
     q_joint = ekf_seats.joints(q_pc, seat, skin, after)
     return state, Estimate(q_joint, np.array(told, np.intp), np.array(P).reshape(-1, chains, 9, 9))
-
-
-def transition(q_new: Array, turned: Array, by_bias: Array) -> tuple[Array, Array]:
-    """How the joints' errors go on over a window: F (chains, 9, 21) by those before and the biases', G (chains, 9, 12) by the sensors' turning errors.
-
-    With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c - R(q_new)' J_p db_p. (2.20)-(2.22), not linearised in dt
-    """
-    chains = len(q_new)
-    F, G = np.zeros((chains, 9, 21)), np.zeros((chains, 9, 12))
-    back, R_cp = np.split(quat.matrix(quat.conjugate(np.concatenate([turned[:, 1:], q_new], axis=1))), 2, axis=1)
-    for j in range(3):
-        rows = slice(3 * j, 3 * j + 3)
-        F[:, rows, rows] = back[:, j]
-        G[:, rows, rows], G[:, rows, 3 * j + 3 : 3 * j + 6] = -R_cp[:, j], np.eye(3)
-        F[:, rows, 9 + 3 * j : 12 + 3 * j] = -R_cp[:, j] @ by_bias[:, j]
-        F[:, rows, 12 + 3 * j : 15 + 3 * j] = by_bias[:, j + 1]
-    return F, G
-
-
-def by_biases(turns: Array, after: Array, bias_time: Array) -> Array:
-    """How the turn of each sensor over a window changes with its bias, J (F, 4, 3, 3): T(b + db) = T exp(J db)."""
-    since = quat.matrix(quat.relative(after[-1], after))  # from the end of each sample to the end of the window
-    return np.asarray(-(since @ (ekf_seats.right_jacobian(turns) * bias_time[..., None, None])).sum(axis=0))
 
 
 def _window(params: FilterParams, state: State, samples: Samples, first: int) -> tuple[int, bool]:
@@ -170,88 +151,113 @@ def _window(params: FilterParams, state: State, samples: Samples, first: int) ->
     return last, last - 1 >= due
 
 
-def _turned(state: State, samples: Samples, first: int, last: int) -> State:
-    """Add the turns of rows first..last to the open window."""
-    bias_time = samples.bias_time[first:last]
-    turns = samples.turn[first:last] - state.bias * bias_time[..., None]  # (2.4)
-    steps, after, turned = quat.exp(turns), np.empty((last - first, *state.turned.shape)), state.turned
-    by = _from_right(steps)
-    for k in range(last - first):
-        after[k] = turned = (by[k] @ turned[..., None])[..., 0]
-    return replace(
-        state,
-        newest=float(samples.t[last - 1]),
-        turned=turned,
-        turns=np.concatenate([state.turns, turns]),
-        after=np.concatenate([state.after, after]),
-        bias_time=np.concatenate([state.bias_time, bias_time]),
-        doubt=np.concatenate([state.doubt, samples.doubt[first:last]]),
-    )
+def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[State, Array]:
+    """Add the turns of rows first..last to the open window; what the sensors have turned by after each of them (rows, F, 4, 4)."""
+    turn, bias_time, doubt = (x[first:last].swapaxes(0, 1) for x in (samples.turn, samples.bias_time, samples.doubt))
+    after, *grown = ekf_windows.wound(turn, bias_time, doubt, state.bias, state.turned, state.by_bias, state.bias_time, state.doubt)
+    window = dict(zip(("by_bias", "bias_time", "doubt"), grown))
+    return replace(state, newest=float(samples.t[last - 1]), turned=after[:, -1], **window), after.swapaxes(0, 1)
 
 
-def _from_right(q: Array) -> Array:
-    """Matrices M (..., 4, 4) with multiply(p, q) = M p: one product a sample costs a quarter of quat.multiply's time."""
-    w, x, y, z = (q[..., k] for k in range(4))
-    M = np.empty((*q.shape, 4))
-    for row, values in enumerate(((w, -x, -y, -z), (x, w, z, -y), (y, -z, w, x), (z, y, -x, w))):
-        for column, value in enumerate(values):
-            M[..., row, column] = value
-    return M
+def _predicted(numbers: Array, state: State) -> State:
+    """The window's end becomes the state; the covariance goes along; a new window opens."""
+    q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
+    return _window_open(replace(state, q_pc=q_pc, P=P))
 
 
-def _predicted(params: FilterParams, state: State) -> State:
-    """The window's end becomes the state; the covariance goes along. (2.16)"""
-    span = _span(state)
-    q_new = ekf_seats.carried(state.q_pc, state.turned)
-    F, G = transition(q_new, state.turned, by_biases(state.turns, state.after, state.bias_time))
-    size = quat.angle(state.turned)
-    density = np.radians(params.gyr_noise) ** 2 / 2
-    noise = density * span + (params.gyr_scale * size) ** 2 + state.doubt.sum(axis=0)  # (F, 4) rad^2, the same about every axis
-    P = state.P.copy()
-    across = F @ P[:, :21]  # only the rows of the joints change
-    of_angles = across[:, :, :21] @ F.transpose(0, 2, 1) + (G * np.repeat(noise, 3, axis=1)[:, None]) @ G.transpose(0, 2, 1)
-    P[:, ANGLES], P[:, :, ANGLES] = across, across.transpose(0, 2, 1)
-    P[:, ANGLES, ANGLES] = 0.5 * (of_angles + of_angles.transpose(0, 2, 1))
-    P[:, range(9, 21), range(9, 21)] += np.radians(params.bias_walk) ** 2 * span
-    return replace(state, q_pc=q_new, P=P)
+def _told(numbers: Array, state: State, acc: Array, span: float, window: State) -> tuple[State, Array]:
+    """What sensors and joints tell at the end of a `window` of `span` s, nothing where that is 0; the covariance (F, 9, 9) of the true joints' errors
+    as the joints were seen before. (2.15)"""
+    known_before = state.q_pc, state.bias, state.seat, state.skin, state.P, state.up, state.rest, state.crept
+    seen = window.turned, window.bias_time, acc
+    *found, of_joints = _updated(numbers, span, state.known, state.free, state.limits, *seen, *known_before, np.zeros(9))
+    return replace(state, **dict(zip(("q_pc", "bias", "seat", "skin", "P", "up", "rest", "crept"), found))), of_joints
 
 
-def _updated(params: FilterParams, state: State, samples: Samples, row: int) -> tuple[State, Seated]:
-    """What sensors and joints tell at the window's last sample, and the joints as they were seen; a new window opens. (2.15)"""
-    span, turned, measured = _span(state), state.turned, state.bias_time.sum(axis=0) > 0
-    state = _predicted(params, state)
-    seated = ekf_seats.seated(state.q_pc, state.seat, state.skin)
-    if span > 0:
-        acc = samples.acc[row]
-        told = np.isfinite(acc).all(axis=-1)
-        usable = state.known & told[:, :3] & told[:, 1:]
-        acc, rates = np.where(told[..., None], acc, 0.0), quat.angle(turned) / span
-        state = replace(state, up=ekf_updates.settled(state.up, turned, acc, told, span))
-        vectors = ekf_updates.vectors(params, quat.matrix(state.q_pc), acc, state.up, rates, usable, span)
-        joints = ekf_updates.joints(params, seated, _of_joints(state, seated), state.free, state.limits, state.known, span)
-        state = corrected(state, ekf_updates.stacked([vectors, joints]))
-        state = _rested(params, state, turned, span, measured)
-    return _window_open(state), seated
+@inlined
+def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, change: Array) -> None:
+    """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
+    d, by, turned = np.empty(3), np.empty(4), np.empty(4)
+    for i in range(7):
+        q, first = (q_pc[i], 3 * i) if i < 3 else (seat[i - 3], 12 + 3 * i)
+        for a in range(3):
+            d[a] = change[first + a]
+        quat.exp_row(d, by, by)
+        quat.multiply_row(q, by, turned)
+        quat.normalize_row(turned, q)
+    for i in range(12):
+        bias[i // 3, i % 3] += change[9 + i]
+    for i in range(9):
+        skin[i // 3, i % 3] += change[33 + i]
 
 
-def _rested(params: FilterParams, state: State, turned: Array, span: float, measured: Bools) -> State:
+@inlined
+def _rested(
+    p: Array, turned: Array, bias_time: Array, span: float, rates: Array,
+    q: Array, bias: Array, seat: Array, skin: Array, P: Array, rest: Array, crept: Array,
+) -> None:  # fmt: skip
     """Sensors that hardly turn show their bias: its mean over every REST seconds is a measurement, their creeping its noise."""
-    crept = quat.log(turned)
-    still = measured & (quat.angle(turned) < np.radians(params.rest_rate) * span)
-    rest = np.where(still, state.rest + span, 0.0)
-    creeping = np.where(still[..., None], state.crept + crept, 0.0)
-    due = rest >= ekf_updates.REST - 1e-9
-    if due.any():
-        state = _where(np.asarray(due.any(axis=1)), corrected(state, ekf_updates.resting(params, creeping, rest, due)), state)
-        rest, creeping = np.where(due, 0.0, rest), np.where(due[..., None], 0.0, creeping)
-    return replace(state, rest=rest, crept=creeping)
+    due, some, crept_now = np.zeros(4), False, np.empty(3)
+    for s in range(4):
+        still = bias_time[s] > 0 and rates[s] < p[REST_RATE]
+        quat.log_row(turned[s], crept_now, crept_now)
+        rest[s] = rest[s] + span if still else 0.0
+        for a in range(3):
+            crept[s, a] = crept[s, a] + crept_now[a] if still else 0.0
+        if rest[s] >= REST - 1e-9:
+            due[s], some = 1.0, True
+    if some:
+        missed, H, noise, change = np.zeros(12), np.zeros((12, SIZE)), np.zeros((12, 12)), np.empty(SIZE)
+        ekf_updates.resting_row(p, crept, rest, due, missed, H, noise)
+        correct(P, missed, H, noise, change)
+        put_right(q, bias, seat, skin, change)
+        for s in range(4):
+            if due[s] > 0:
+                rest[s] = 0.0
+                for a in range(3):
+                    crept[s, a] = 0.0
 
 
-def _where(chosen: Bools, a: State, b: State) -> State:
-    """What the filter knows of each chain from a where `chosen` (F,), else from b to the last bit."""
-    names = ("q_pc", "bias", "seat", "skin", "P")
-    both = ((n, getattr(a, n), getattr(b, n)) for n in names)
-    return replace(b, **{n: np.where(chosen.reshape(-1, *[1] * (x.ndim - 1)), x, y) for n, x, y in both})
+@rowwise(
+    "(p),(),(j),(j,v),(j,v,w),(s,q),(s),(s,v),(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d)"
+    "->(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d,d)"
+)
+def _updated(
+    p: Array, span: float, known: Array, free: Array, limits: Array, turned: Array, bias_time: Array, acc: Array,
+    q_pc: Array, bias: Array, seat: Array, skin: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
+    q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, P_new: Array, up_new: Array, rest_new: Array, crept_new: Array,
+    of_joints: Array,
+) -> None:  # fmt: skip
+    """The vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
+    q, b, m, k, C, T = q_pc.copy(), bias.copy(), seat.copy(), skin.copy(), P.copy(), turned.copy()
+    vertical, resting, creeping, q_joint, A = up.copy(), rest.copy(), crept.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
+    ekf_seats.seated_row(q, m, k, q_joint, A)
+    if span > 0:
+        seen, told, rates, usable, change = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE)
+        for s in range(4):
+            told[s] = 1.0 if math.isfinite(acc[s, 0]) and math.isfinite(acc[s, 1]) and math.isfinite(acc[s, 2]) else 0.0
+            rates[s] = 2 * math.atan2(math.sqrt(T[s, 1] ** 2 + T[s, 2] ** 2 + T[s, 3] ** 2), abs(T[s, 0])) / span
+            for a in range(3):
+                seen[s, a] = acc[s, a] if told[s] > 0 else 0.0
+        for j in range(3):
+            usable[j] = known[j] * told[j] * told[j + 1]
+        ekf_updates.settled_row(up.copy(), T, seen, told, span, vertical)
+        missed, H, noise = np.zeros(18), np.zeros((18, SIZE)), np.zeros((18, 18))
+        ekf_updates.vectors_row(p, q, seen, vertical, rates, usable, span, missed, H, noise)
+        ekf_updates.joints_row(p, q_joint, A, C, free, limits, known, span, missed, H, noise)
+        correct(C, missed, H, noise, change)
+        put_right(q, b, m, k, change)
+        _rested(p, T, bias_time, span, rates, q, b, m, k, C, resting, creeping)
+    spread(A, C, of_joints)
+    put(q, q_pc_new)
+    put(b, bias_new)
+    put(m, seat_new)
+    put(k, skin_new)
+    put(C, P_new)
+    put(vertical, up_new)
+    put(creeping, crept_new)
+    for s in range(4):
+        rest_new[s] = resting[s]
 
 
 def _span(state: State) -> float:
@@ -259,35 +265,10 @@ def _span(state: State) -> float:
     return state.newest - state.t if np.isfinite(state.t) else 0.0
 
 
-def corrected(state: State, rows: ekf_updates.Rows) -> State:
-    """Kalman update; the errors found are put into the rotations, whose covariance changes by that only in the second order."""
-    PH = state.P @ rows.H.transpose(0, 2, 1)  # (F, 42, M)
-    KT = np.linalg.solve(rows.H @ PH + rows.noise, PH.transpose(0, 2, 1))
-    change = (KT.transpose(0, 2, 1) @ rows.missed[..., None])[..., 0]
-    P = state.P - PH @ KT
-    return replace(
-        state,
-        q_pc=_turned_by(state.q_pc, change[:, ANGLES]),
-        bias=state.bias + change[:, BIASES].reshape(-1, 4, 3),
-        seat=_turned_by(state.seat, change[:, SEATS]),
-        skin=state.skin + change[:, SKIN].reshape(-1, 3, 3),
-        P=0.5 * (P + P.transpose(0, 2, 1)),
-    )
-
-
-def _turned_by(q: Array, dth: Array) -> Array:
-    return quat.normalize(quat.multiply(q, quat.exp(dth.reshape(*q.shape[:-1], 3))))
-
-
-def _of_joints(state: State, seated: Seated) -> Array:
-    """Covariance (F, 9, 9) of the true joints' errors."""
-    return np.asarray(seated.A @ state.P @ seated.A.transpose(0, 2, 1))
-
-
-def _started(params: FilterParams, state: State, samples: Samples, row: int) -> State:
+def _started(params: FilterParams, numbers: Array, state: State, samples: Samples, row: int) -> State:
     """Joints that were not known before begin where the samples put them, as sure as a pose leaves them; the open window is settled first."""
-    if len(state.turns):
-        state = _window_open(_predicted(params, state))
+    if state.newest > state.t:
+        state = _predicted(numbers, state)
     fresh = samples.known[row] & ~state.known
     q_pc, P = np.where(fresh[..., None], samples.q_first[row], state.q_pc), state.P.copy()
     posed = ekf_seats.after_pose(params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.aligned)
@@ -306,10 +287,16 @@ def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
 
 
 def _window_open(state: State) -> State:
-    turns, after, bias_time, doubt = _nothing(len(state.q_pc))
+    by_bias, bias_time, doubt = _nothing(len(state.q_pc))
     still = np.tile(quat.IDENTITY, (len(state.q_pc), 4, 1))
-    return replace(state, t=state.newest, turned=still, turns=turns, after=after, bias_time=bias_time, doubt=doubt)
+    return replace(state, t=state.newest, turned=still, by_bias=by_bias, bias_time=bias_time, doubt=doubt)
 
 
-def _nothing(chains: int) -> tuple[Array, Array, Array, Array]:
-    return np.empty((0, chains, 4, 3)), np.empty((0, chains, 4, 4)), np.empty((0, chains, 4)), np.empty((0, chains, 4))
+def _nothing(chains: int) -> tuple[Array, Array, Array]:
+    return np.zeros((chains, 4, 3, 3)), np.zeros((chains, 4)), np.zeros((chains, 4))
+
+
+def _numbers(params: FilterParams) -> Array:
+    """Options as the kernels take them."""
+    of_gyr = np.radians(params.gyr_noise), params.gyr_scale, np.radians(params.bias_walk)
+    return np.concatenate([ekf_updates.numbers(params), of_gyr])

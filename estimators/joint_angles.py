@@ -57,3 +57,6 @@ def _compose(angles: Array, row: Array, q: Array) -> None:
     sz, sx, sy = math.sin(0.5 * angles[FLEXION]), math.sin(0.5 * angles[DEVIATION]), math.sin(0.5 * angles[PRONATION])
     a, b, d, e = cz * cx, cz * sx, sz * sx, sz * cx  # q_z q_x = (a, b, d, e)
     q[0], q[1], q[2], q[3] = a * cy - d * sy, b * cy - e * sy, d * cy + a * sy, e * cy + b * sy
+
+
+decompose_row = _decompose.row  # as other kernels call it

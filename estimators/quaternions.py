@@ -97,12 +97,7 @@ def mean(q: Array) -> Array:
 
 def matrix(q_ab: Array) -> Array:
     """Rotation matrix R_ab (..., 3, 3), v_a = R_ab v_b."""
-    w, x, y, z = _components(q_ab)
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
-    R = np.empty((*q_ab.shape[:-1], 3, 3))
-    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)
-    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)
-    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)
+    R: Array = _matrix(q_ab, AXES)
     return R
 
 
@@ -124,10 +119,6 @@ def skew(v: Array) -> Array:
     zero = np.zeros(v.shape[:-1])
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     return np.stack([_stack(zero, -z, y), _stack(z, zero, -x), _stack(-y, x, zero)], axis=-2)
-
-
-def _components(q: Array) -> tuple[Array, Array, Array, Array]:
-    return q[..., 0], q[..., 1], q[..., 2], q[..., 3]
 
 
 def _stack(*parts: Array) -> Array:
@@ -201,3 +192,17 @@ def _headed(q: Array, theta: float, turned: Array) -> None:
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     turned[0], turned[1] = c * q[0] - s * q[3], c * q[1] - s * q[2]
     turned[2], turned[3] = c * q[2] + s * q[1], c * q[3] + s * q[0]
+
+
+@rowwise("(q),(v)->(v,v)")
+def _matrix(q: Array, row: Array, R: Array) -> None:
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)
+
+
+# for one row, as other kernels call them
+multiply_row, conjugate_row, rotate_row, normalize_row = _multiply.row, _conjugate.row, _rotate.row, _normalize.row
+exp_row, log_row, angle_row, matrix_row = _exp.row, _log.row, _angle.row, _matrix.row

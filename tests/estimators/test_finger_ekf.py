@@ -1,15 +1,14 @@
 """The chains' filter: its derivatives, its exact turns, its honesty."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import ekf_seats, ekf_updates, finger_ekf, joint_angles
+from estimators import ekf_seats, ekf_updates, ekf_windows, finger_ekf, joint_angles
 from estimators import quaternions as quat
-from estimators.ekf_seats import Seated
 from estimators.finger_ekf import FilterParams, Samples, State
 from estimators.quaternions import Array
 
@@ -30,38 +29,67 @@ def _random(rng: np.random.Generator, *shape: int) -> Array:
     return quat.normalize(rng.normal(size=(*shape, 4)))
 
 
-def test_the_transition_of_errors_is_the_derivative_of_the_two_sided_update(rng: np.random.Generator) -> None:
-    """Ten samples of fast and unequal turning, 21 errors put in before, 9 read off behind."""
-    q_pc, turns = _random(rng, 1, 3), rng.normal(scale=0.1, size=(10, 1, 4, 3))
-    bias_time = rng.uniform(0.002, 0.02, size=(10, 1, 4))
+def _ended(q_pc: Array, turned: Array) -> Array:
+    """Rotations between sensors (..., 3, 4) once those have turned by (..., 4, 4)."""
+    return quat.multiply(quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :])
 
-    def after(turns: Array) -> Array:
-        turned = [np.tile(quat.IDENTITY, (1, 4, 1))]
-        for turn in turns:
-            turned.append(quat.multiply(turned[-1], quat.exp(turn)))
-        return np.array(turned[1:])
+
+def _window(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+    """Ten samples of fast and unequal turning of one chain's sensors with their biases in them: q_pc, turns, bias, times."""
+    return _random(rng, 3), rng.normal(scale=0.1, size=(10, 4, 3)), rng.normal(scale=0.05, size=(4, 3)), rng.uniform(0.002, 0.02, (10, 4))
+
+
+def _wound(turns: Array, bias: Array, times: Array) -> tuple[Array, Array]:
+    """What the sensors turned by over the window (4, 4), and its change by the biases (4, 3, 3)."""
+    nothing = np.tile(quat.IDENTITY, (4, 1)), np.zeros((4, 3, 3)), np.zeros(4), np.zeros(4)
+    after, by_bias, timed, _ = ekf_windows.wound(turns, times, np.zeros((10, 4)), bias, *nothing)
+    np.testing.assert_allclose(timed, times.sum(axis=0))
+    return after[-1], by_bias
+
+
+def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(rng: np.random.Generator) -> None:
+    """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their transition F."""
+    q_pc, turns, bias, times = _window(rng)
+    turned, by_bias = _wound(turns, bias, times)
+    P = np.zeros((42, 42))
+    P[:21, 21:] = P[21:, :21] = np.eye(21)
+    q_new, P_new = ekf_windows.carried(np.zeros(16), 0.2, turned, by_bias, np.zeros(4), q_pc, P)
 
     def ended(errors: Array) -> Array:
-        q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(1, 3, 3)))
-        wrong = turns - errors[9:].reshape(1, 4, 3) * bias_time[..., None]
-        return quat.log(quat.relative(q_new, ekf_seats.carried(q, after(wrong)[-1]))).ravel()
+        q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
+        return quat.log(quat.relative(q_new, _ended(q, _wound(turns, bias + errors[9:].reshape(4, 3), times)[0]))).ravel()
 
-    T = after(turns)
-    q_new = ekf_seats.carried(q_pc, T[-1])
-    F, _ = finger_ekf.transition(q_new, T[-1], finger_ekf.by_biases(turns, T, bias_time))
-    np.testing.assert_allclose(F[0], _derivative(ended, 21), atol=1e-7)
+    np.testing.assert_allclose(P_new[:9, 21:], _derivative(ended, 21), atol=1e-7)
+    np.testing.assert_allclose(q_new, _ended(q_pc, turned), atol=1e-14)
 
 
-def test_the_turning_errors_of_sensors_enter_as_the_derivative_says(rng: np.random.Generator) -> None:
-    q_pc, T = _random(rng, 1, 3), _random(rng, 1, 4)
-    q_new = ekf_seats.carried(q_pc, T)
+@pytest.mark.parametrize("sensor", range(4))
+def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(sensor: int, rng: np.random.Generator) -> None:
+    q_pc, turns, bias, times = _window(rng)
+    turned, by_bias = _wound(turns, bias, times)
+    doubt = np.where(np.arange(4) == sensor, 1.0, 0.0)
+    q_new, P_new = ekf_windows.carried(np.zeros(16), 0.2, turned, by_bias, doubt, q_pc, np.zeros((42, 42)))
 
-    def ended(errors: Array) -> Array:
-        wrong = quat.multiply(T, quat.exp(errors.reshape(1, 4, 3)))
-        return quat.log(quat.relative(q_new, ekf_seats.carried(q_pc, wrong))).ravel()
+    def ended(error: Array) -> Array:
+        wrong = turned.copy()
+        wrong[sensor] = quat.multiply(turned[sensor], quat.exp(error))
+        return quat.log(quat.relative(q_new, _ended(q_pc, wrong))).ravel()
 
-    _, G = finger_ekf.transition(q_new, T, np.zeros((1, 4, 3, 3)))
-    np.testing.assert_allclose(G[0], _derivative(ended, 12), atol=1e-7)
+    G = _derivative(ended, 3)
+    np.testing.assert_allclose(P_new[:9, :9], G @ G.T, atol=1e-7)
+
+
+@dataclass(frozen=True)
+class _Seated:
+    q: Array  # (F, 3, 4)
+    A: Array  # (F, 9, 42)
+
+
+def _seated(q_pc: Array, seat: Array, skin: Array) -> _Seated:
+    found = _Seated(np.empty(q_pc.shape), np.zeros((len(q_pc), 9, ekf_seats.SIZE)))
+    for each in zip(q_pc, seat, skin, found.q, found.A):
+        ekf_seats.seated_row(*each)
+    return found
 
 
 def _bent_chain(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -75,23 +103,23 @@ def test_the_errors_of_true_joints_follow_from_42_error_states_as_the_derivative
     """Skin that turns in proportion to flexion, whose own error counts for nothing in it: a part in fifty."""
     seat, q_pc = _bent_chain(rng)
     skin = 0.02 * rng.normal(size=(1, 3, 3))
-    at = ekf_seats.seated(q_pc, seat, skin)
+    at = _seated(q_pc, seat, skin)
 
     def found(x: Array) -> Array:
         parts = quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))), quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3)))
-        return quat.log(quat.relative(at.q, ekf_seats.seated(*parts, skin + x[33:].reshape(1, 3, 3)).q)).ravel()
+        return quat.log(quat.relative(at.q, _seated(*parts, skin + x[33:].reshape(1, 3, 3)).q)).ravel()
 
     numeric = _derivative(found, ekf_seats.SIZE)
     np.testing.assert_allclose(at.A[0][:, ekf_seats.SKIN], numeric[:, ekf_seats.SKIN], atol=1e-7)
     np.testing.assert_allclose(at.A[0], numeric, atol=0.06)
-    at = ekf_seats.seated(q_pc, seat, skin := np.zeros((1, 3, 3)))
+    at = _seated(q_pc, seat, skin := np.zeros((1, 3, 3)))
     without = np.delete(np.arange(ekf_seats.SIZE), np.arange(33, 42))
     np.testing.assert_allclose(at.A[0][:, without], _derivative(found, ekf_seats.SIZE)[:, without], atol=1e-7)
 
 
 def test_true_joints_of_sensors_that_sit_straight_are_the_rotations_between_them(rng: np.random.Generator) -> None:
     q_pc, straight = _random(rng, 5, 3), np.tile(quat.IDENTITY, (5, 4, 1))
-    np.testing.assert_allclose(np.abs((ekf_seats.seated(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs((_seated(q_pc, straight, np.zeros((5, 3, 3))).q * q_pc).sum(axis=-1)), 1.0, atol=1e-12)
 
 
 def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
@@ -100,7 +128,7 @@ def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
     q = quat.about(2, flexion)
     q_BS = np.concatenate([[quat.IDENTITY], quat.exp(flexion[:, None] * k)])
     q_pc = quat.multiply(quat.multiply(quat.conjugate(q_BS[:3]), q), q_BS[1:])
-    found = ekf_seats.seated(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
+    found = _seated(q_pc[None], np.tile(quat.IDENTITY, (1, 4, 1)), k[None]).q[0]
     assert quat.angle(quat.relative(q, found)).max() < 0.1 * DEG  # from which flexion, is of the second order
     assert quat.angle(quat.relative(q, q_pc)).max() > 2 * DEG
 
@@ -108,16 +136,30 @@ def test_skin_turns_the_child_s_sensor_by_its_share_of_the_flexion() -> None:
 def test_vector_and_angle_jacobians_are_derivatives(rng: np.random.Generator) -> None:
     q_pc, v, angles = _random(rng, 6), 9.8 * rng.normal(size=(6, 3)), rng.uniform(-1.2, 1.2, (20, 3))
     vectors = _derivative(lambda dth: quat.rotate(quat.multiply(q_pc, quat.exp(dth)), v), 3)
-    np.testing.assert_allclose(ekf_updates.vector_jacobian(quat.matrix(q_pc), v), vectors, atol=1e-7)
+    for R_pc, v_c, expected in zip(quat.matrix(q_pc), v, vectors):
+        H = np.zeros((5, 6))
+        ekf_updates.vector_jacobian_row(R_pc, v_c, 1, 2, H)
+        np.testing.assert_allclose(H[1:4, 2:5], expected, atol=1e-7)
+        assert not H[[0, 4]].any()
     q = joint_angles.compose(angles)
     turned = _derivative(lambda d: joint_angles.decompose(quat.multiply(q, quat.exp(d))), 3)
     np.testing.assert_allclose(ekf_updates.angle_jacobian(angles), turned, atol=1e-7)
 
 
-def _told(seated: Seated, params: FilterParams | None = None) -> ekf_updates.Rows:
-    chains, known = len(seated.q), np.ones((len(seated.q), 3), bool)
-    free, limits = (np.broadcast_to(x, (chains, *x.shape)) for x in (FREE_INDEX, LIMITS_INDEX))
-    return ekf_updates.joints(params or FilterParams(), seated, np.tile(np.eye(9), (chains, 1, 1)), free, limits, known, 0.2)
+@dataclass(frozen=True)
+class _Rows:
+    missed: Array  # (F, M)
+    H: Array  # (F, M, 42)
+    noise: Array  # (F, M, M)
+
+
+def _told(seated: _Seated) -> _Rows:
+    """What index fingers cannot do, three rows a joint."""
+    rows = _Rows(np.zeros((len(seated.q), 18)), np.zeros((len(seated.q), 18, ekf_seats.SIZE)), np.zeros((len(seated.q), 18, 18)))
+    for each in zip(seated.q, seated.A, rows.missed, rows.H, rows.noise):
+        given = np.eye(ekf_seats.SIZE), FREE_INDEX.astype(float), LIMITS_INDEX, np.ones(3), 0.2
+        ekf_updates.joints_row(ekf_updates.numbers(FilterParams()), *each[:2], *given, *each[2:])
+    return _Rows(rows.missed[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
 
 
 def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Generator) -> None:
@@ -129,9 +171,9 @@ def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Ge
 
     def missed(x: Array) -> Array:
         parts = quat.multiply(q_pc, quat.exp(x[:9].reshape(1, 3, 3))), quat.multiply(seat, quat.exp(x[21:33].reshape(1, 4, 3)))
-        return np.asarray(_told(ekf_seats.seated(*parts, no_skin + x[33:].reshape(1, 3, 3))).missed[0])
+        return np.asarray(_told(_seated(*parts, no_skin + x[33:].reshape(1, 3, 3))).missed[0])
 
-    rows = _told(ekf_seats.seated(q_pc, seat, no_skin))
+    rows = _told(_seated(q_pc, seat, no_skin))
     np.testing.assert_allclose(rows.H[0], -_derivative(missed, ekf_seats.SIZE), atol=1e-7)
     np.testing.assert_allclose(rows.missed, 0.0, atol=1e-12)
 
@@ -139,14 +181,14 @@ def test_what_joints_cannot_do_misses_what_the_derivative_says(rng: np.random.Ge
 def test_a_hinge_tells_nothing_of_its_flexion_however_askew_it_seems(rng: np.random.Generator) -> None:
     angles = rng.uniform(-0.3, 0.3, (4, 3, 3)) + [0.5, 0.0, 0.0]
     straight = np.tile(quat.IDENTITY, (4, 4, 1))
-    H = _told(ekf_seats.seated(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
+    H = _told(_seated(joint_angles.compose(angles), straight, np.zeros((4, 3, 3)))).H
     np.testing.assert_allclose(H[:, 3:, 5], 0.0, atol=1e-15)  # PIP, about its own z
     np.testing.assert_allclose(H[:, 6:, 8], 0.0, atol=1e-15)  # DIP
 
 
 def test_only_a_flexion_beyond_its_range_is_told() -> None:
     straight, flexion = np.tile(quat.IDENTITY, (2, 4, 1)), np.array([[0.5, 1.0, 0.5], [0.5, 2.3, 0.5]])
-    rows = _told(ekf_seats.seated(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
+    rows = _told(_seated(quat.about(2, flexion), straight, np.zeros((2, 3, 3))))
     np.testing.assert_allclose(rows.missed[:, 3], [0.0, 120 * DEG - 2.3], atol=1e-12)
     assert rows.H[0, 3].any() == np.False_
     assert rows.H[1, 3, 5] == pytest.approx(1.0)
@@ -157,8 +199,11 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
     up[1, 2, 0] = 10.5  # the middle phalanx is pushed
     rates = np.zeros((3, 4))
     rates[2, 1] = 3.0  # the proximal one turns
-    rows = ekf_updates.vectors(params, quat.matrix(np.tile(quat.IDENTITY, (3, 3, 1))), up, up / 9.81, rates, np.ones((3, 3), bool), 0.2)
-    used = np.abs(rows.H).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
+    straight, H = np.tile(quat.IDENTITY, (3, 1)), np.zeros((3, 18, ekf_seats.SIZE))
+    for case in range(3):
+        given = straight, up[case], up[case] / 9.81, rates[case], np.ones(3), 0.2, np.zeros(18), H[case], np.zeros((18, 18))
+        ekf_updates.vectors_row(ekf_updates.numbers(params), *given)
+    used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
     np.testing.assert_array_equal(used, [[True, True, True], [True, False, False], [False, False, True]])
 
 

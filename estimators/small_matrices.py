@@ -1,0 +1,55 @@
+"""Small dense matrices in kernels, written out: of those of a filter most entries are zero, and a library call costs more than the product.
+
+In      arrays of a kernel's row; the last argument is filled
+Limits  a kernel copies whole arrays by `put` only: numba takes seconds to translate an assignment to a slice
+"""
+
+import numpy as np
+
+from estimators.compiled import inlined
+from estimators.quaternions import Array
+
+
+@inlined
+def put(A: Array, to: Array) -> None:
+    """A matrix, or an array of rows, into another of its shape."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            to[i, j] = A[i, j]
+
+
+@inlined
+def block(scale: float, B: Array, row: int, column: int, M: Array) -> None:
+    """scale B with its first entry at a place in M."""
+    for i in range(B.shape[0]):
+        for j in range(B.shape[1]):
+            M[row + i, column + j] = scale * B[i, j]
+
+
+@inlined
+def product(A: Array, B: Array, AB: Array) -> None:
+    """A B of matrices of any size."""
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            AB[i, j] = 0.0
+        for k in range(A.shape[1]):
+            if A[i, k] != 0.0:
+                for j in range(B.shape[1]):
+                    AB[i, j] += A[i, k] * B[k, j]
+
+
+@inlined
+def spread(A: Array, P: Array, APA: Array) -> None:
+    """A P A' of a symmetric P; A of fewer columns sees only the first of P."""
+    AP = np.zeros(A.shape)
+    for i in range(A.shape[0]):
+        for k in range(A.shape[1]):
+            if A[i, k] != 0.0:
+                for j in range(A.shape[1]):
+                    AP[i, j] += A[i, k] * P[k, j]
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(A.shape[1]):
+                if A[j, k] != 0.0:
+                    total += AP[i, k] * A[j, k]
+            APA[i, j], APA[j, i] = total, total
