@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
+from sqlalchemy.exc import DBAPIError
+
 from app.report import Paper
 from app.working_process import DiedError, WorkingProcess
 from estimators.errors import InputError
@@ -21,6 +23,7 @@ from sessions.store import Store
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
+NO_ROOM_WAIT = 5.0  # s between two tries to settle a result in a database that takes nothing
 CLOSE_WAIT = 10.0  # s that the running job gets to end when the server stops; then the next start takes it up
 
 
@@ -72,11 +75,21 @@ class Jobs:
         except Exception:
             log.exception("result %s", result_id)
             ended_by_others = False
-        with self._store.database() as db:
-            if not ended_by_others:
-                results.give_up(db, result_id)
-            elif results.put_back(db, result_id) and not self._leaving.is_set():
-                self.process(result_id)
+        while not self._conclude(result_id, ended_by_others) and not self._leaving.wait(NO_ROOM_WAIT):
+            pass
+
+    def _conclude(self, result_id: int, ended_by_others: bool) -> bool:
+        """Settle what the computation did not; False where the database cannot take it: a full disk."""
+        try:
+            with self._store.database() as db:
+                if not ended_by_others:
+                    results.fail(db, result_id)
+                elif results.put_back(db, result_id) and not self._leaving.is_set():
+                    self.process(result_id)
+        except DBAPIError as problem:
+            log.error("result %s: %s", result_id, problem)
+            return False
+        return True
 
 
 _store: Store | None = None  # of the working process; set once when it begins

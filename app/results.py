@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
@@ -26,9 +27,10 @@ from estimators.processing import Processed, process
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 from sessions import corrections, derivative, records
+from sessions.full_disk import FULL, is_full
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
-from sessions.results import begin
+from sessions.results import begin, fail
 from sessions.store import Store
 from sessions.tables import Result
 from sessions.trajectory_table import measured_segments
@@ -48,16 +50,17 @@ def make(store: Store, result_id: int) -> None:
         except StaleDataError:
             db.rollback()
             store.path_of(replay_file(result_id)).unlink(missing_ok=True)
+        except (InputError, OSError, DBAPIError) as problem:
+            db.rollback()
+            full = is_full(problem) or is_full(problem.__context__)
+            if not full and not isinstance(problem, InputError):
+                raise
+            fail(db, result_id, FULL if full else str(problem))
 
 
 def _make(db: Session, store: Store, result: Result) -> None:
     begin(db, result)
-    try:
-        recording, processed = computed(store, result, lambda share: _progress(db, result, share))
-    except InputError as mistake:
-        result.state, result.error = "failed", str(mistake)
-        db.commit()
-        return
+    recording, processed = computed(store, result, lambda share: _progress(db, result, share))
     tasks = assessed(result.method, recording, processed)
     save_replay(store, result.id, processed.trajectory)
     result.figures = [row for t in tasks for row in figure_rows(t)]

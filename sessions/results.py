@@ -63,11 +63,11 @@ def begin(db: Session, result: Result) -> None:
     db.commit()
 
 
-def give_up(db: Session, result_id: int) -> None:
-    """Its computation ended without saying how: failed, unless it was erased or settled meanwhile."""
+def fail(db: Session, result_id: int, why: str = ENDED) -> None:
+    """Its computation came to nothing, by default without saying how: failed, unless it was erased or settled meanwhile."""
     result = db.get(Result, result_id)
     if result is not None and result.state in UNFINISHED:
-        result.state, result.error = "failed", ENDED
+        result.state, result.error = "failed", why
         db.commit()
 
 
@@ -86,5 +86,5 @@ def unfinished(db: Session) -> list[int]:
     left = list(db.scalars(select(Result).where(Result.state.in_(UNFINISHED)).order_by(Result.id)))
     for result in left:
         if result.state == "running" and result.attempts >= ATTEMPTS:
-            give_up(db, result.id)
+            fail(db, result.id)
     return [result.id for result in left if result.state in UNFINISHED]

@@ -3,6 +3,7 @@
 A token is a file named after its hash in the data folder: whoever may write there (the same user of the machine) may let a browser in.
 """
 
+import contextlib
 import hashlib
 import secrets
 from datetime import timedelta
@@ -11,6 +12,7 @@ from urllib.parse import urlsplit
 
 import anyio.to_thread
 from sqlalchemy import delete, select
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
@@ -69,7 +71,8 @@ def logged_in(db: Session, cookie: str | None, idle: float) -> bool:
         return False
     if now() - login.seen > TOUCH_EVERY:
         login.seen = now()
-        db.commit()
+        with contextlib.suppress(DBAPIError):  # a full disk locks nobody out
+            db.commit()
     return True
 
 

@@ -4,14 +4,17 @@ import logging
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 from app.api.state import preferred
 from estimators.errors import InputError
 from sessions.conflicts import ConflictError
+from sessions.full_disk import FULL, is_full
 from sessions.pseudonyms import UnconfirmedError
 
+NO_ROOM = 507  # HTTP: insufficient storage
 log = logging.getLogger(__name__)
 
 
@@ -38,7 +41,17 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
+        if is_full(error.__cause__):  # while an upload was taken in
+            return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
         return JSONResponse({"error": str(error.detail)}, error.status_code, headers=error.headers)
+
+    @app.exception_handler(OSError)
+    @app.exception_handler(DBAPIError)
+    async def unwritten(request: Request, error: Exception) -> JSONResponse:
+        if not is_full(error):
+            raise error
+        log.error("%s %s: %s", request.method, request.url.path, error)
+        return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
 
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:

@@ -1,0 +1,20 @@
+"""How a full disk shows: in a file that cannot grow, or in a database that cannot take a row."""
+
+import errno
+import sqlite3
+
+from sqlalchemy.exc import DBAPIError
+
+FULL = "the disk is full: what was to be kept could not be written, and nothing was changed; make room on the disk and try again"
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def is_full(problem: BaseException | None) -> bool:
+    """Whether an error says that there is no room on the disk."""
+    if isinstance(problem, DBAPIError):
+        problem = problem.orig
+    if isinstance(problem, sqlite3.Error):
+        return problem.sqlite_errorcode == sqlite3.SQLITE_FULL
+    if isinstance(problem, OSError):
+        return problem.errno in NO_ROOM
+    return getattr(problem, "sqlstate", None) == "53100"  # PostgreSQL: disk_full
