@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from estimators.hand_anatomy import Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -37,3 +39,12 @@ class Calibration:
     rates: Mapping[str, float] = field(default_factory=dict)  # Hz, by stream: how fast its samples come where that is not the rate it names
     q_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad about the segment's x, y, z, where the movements told it
     steps: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # quality of the functional steps used, angles in rad
+    q_BS_covariance: Array | None = (
+        None  # (3 k, 3 k) rad^2 of all that is in q_BS_sd, in its order: what the movements tell of neighbours errs together
+    )
+
+    def told_together(self) -> Array:
+        """Covariance (3 k, 3 k) of the mountings that movements told; each for itself where it is not known how they err together."""
+        if self.q_BS_covariance is not None:
+            return self.q_BS_covariance
+        return np.diag(np.concatenate([np.zeros(0), *self.q_BS_sd.values()]) ** 2)

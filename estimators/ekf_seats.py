@@ -27,7 +27,11 @@ AXIS_OF = (2, 0, 1)  # flexion turns about z, deviation about x, pronation about
 @dataclass(frozen=True, kw_only=True)
 class SeatParams:
     misalignment: float = option(
-        4.5, "deg", "turn of a sensor against its segment about each axis", "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5", least=1e-3
+        4.5,
+        "deg",
+        "turn of a sensor against its segment about each axis, where no functional calibration tells it",
+        "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5",
+        least=1e-3,
     )
     skin: float = option(
         2.0, "deg", "turn of a sensor on its segment while its joint bends by 90 deg", "skin moves with the joint; size ours", least=1e-3
@@ -40,36 +44,42 @@ class SeatParams:
     )
 
 
+@dataclass(frozen=True)
+class Seats:
+    """What is known of how the sensors of F chains sit before they move."""
+
+    covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
+    aligned: NDArray[
+        np.bool_
+    ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
+
+
 def joints(q_pc: Array, seat: Array, skin: Array, turned: Array) -> Array:
     """True joint rotations (..., 3, 4) after the sensors have turned by (..., 4, 4)."""
     return _joints(q_pc, seat, skin, turned)
 
 
-def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], aligned: bool = True) -> Array:
+def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats) -> Array:
     """Covariance (F, 42, 42) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
-    The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. `aligned`: the
-    sensors' frames were turned until gravity agrees, so they are tilted as the chain's first; else each is askew on its own. The errors are written as
-    a matrix times independent ones: the first seat, gravity in each sensor, then for each joint seat and missed pose.
+    The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
+    errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose.
     """
     chains = len(q_pc)
     L = np.zeros((chains, SIZE, 33))
-    askew, missed, seen = (np.radians(sd) for sd in (params.misalignment, params.pose_sd, params.angle_sd))
-    L[:, 21:24, 0:3] = askew * np.eye(3)
+    missed, seen = np.radians(params.pose_sd), np.radians(params.angle_sd)
+    L[:, 21:33, 0:12] = _root(seats.covariance)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
-        level, own, gravity = np.eye(3) - about, 15 + 6 * j, 3 + 3 * j
+        level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
         pose, tilt = np.zeros((chains, 3, 33)), np.zeros((chains, 3, 33))
-        pose[:, AXIS_OF, range(own + 3, own + 6)] = missed * free[:, j]
+        pose[:, AXIS_OF, range(24 + 3 * j, 27 + 3 * j)] = missed * free[:, j]
         tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = -seen * level @ R_cp[:, j], seen * level
         asked = pose + R_cp[:, j] @ L[:, 21 + 3 * j : 24 + 3 * j]  # dth + m_c: the joint is as asked but for what is missed
-        seat = np.zeros((chains, 3, 33))
-        seat[:, :, own : own + 3] = askew * (about if aligned else np.eye(3))
-        if aligned:
-            seat += level @ (asked - tilt)
-        L[:, 24 + 3 * j : 27 + 3 * j] = seat
+        seat = np.where(seats.aligned[:, j + 1, None, None], about @ L[:, place] + level @ (asked - tilt), L[:, place])
+        L[:, place] = seat
         L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
     P = L @ L.transpose(0, 2, 1)
     skin = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])  # of the first joint that of both sensors
@@ -161,6 +171,12 @@ def _joints(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> N
     carried_row(q_pc.copy(), turned.copy(), q_now)
     bent_row(q_now, seat.copy(), skin.copy(), joints, q_SB, flexion)
     put(joints, q)
+
+
+def _root(covariance: Array) -> Array:
+    """R with R R' = covariance (..., n, n), which may be singular: one sensor may stand in a chain more than once."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def _upwards(acc: Array) -> Array:

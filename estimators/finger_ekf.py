@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from estimators import ekf_seats, ekf_updates, ekf_windows
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
-from estimators.ekf_seats import SIZE, SeatParams
+from estimators.ekf_seats import SIZE, SeatParams, Seats
 from estimators.ekf_updates import IS_FREE, LIMITS, REST, REST_RATE, UpdateParams
 from estimators.kalman import correct
 from estimators.options import option
@@ -81,7 +81,7 @@ class State:
     known: Bools  # (F, 3) the joint has a rotation
     free: Bools  # (F, 3, 3) the joint has flexion, deviation, pronation
     limits: Array  # (F, 3, 3, 2) rad
-    aligned: bool  # the pose has turned the sensors' frames until gravity agrees
+    seats: Seats  # before they moved
     t: float  # s, newest update; -inf before the first sample
     newest: float  # s, newest sample
     turned: Array  # (F, 4, 4) what the sensors have turned by since the update
@@ -100,9 +100,8 @@ class Estimate:
     P: Array  # (u, F, 9, 9) rad^2, of the three joints' errors
 
 
-def start(params: FilterParams, bias_sd: Array, aligned: bool = True, free: Bools = IS_FREE, limits: Array = LIMITS) -> State:
-    """Nothing known but the size of the biases, bias_sd (F, 4) rad/s, and whether the pose has `aligned` the sensors with what it asks for; the first
-    sample with a joint's two segments starts it."""
+def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = LIMITS) -> State:
+    """Nothing known but the size of the biases, bias_sd (F, 4) rad/s, and how sensors may sit; the first sample with a joint's two segments starts it."""
     chains = len(free)
     P = np.zeros((chains, SIZE, SIZE))
     P[:, range(9, 21), range(9, 21)] = np.repeat(bias_sd**2, 3, axis=1)
@@ -110,7 +109,7 @@ def start(params: FilterParams, bias_sd: Array, aligned: bool = True, free: Bool
     known, nothing = np.zeros((chains, 3), bool), np.zeros((chains, 4, 3))
     ended = (-np.inf, -np.inf, still, *_nothing(chains))
     return State(
-        q_pc, nothing, still, np.zeros((chains, 3, 3)), P, known, free, limits, aligned, *ended, np.zeros((chains, 4)), nothing, nothing
+        q_pc, nothing, still, np.zeros((chains, 3, 3)), P, known, free, limits, seats, *ended, np.zeros((chains, 4)), nothing, nothing
     )
 
 
@@ -271,7 +270,7 @@ def _started(params: FilterParams, numbers: Array, state: State, samples: Sample
         state = _predicted(numbers, state)
     fresh = samples.known[row] & ~state.known
     q_pc, P = np.where(fresh[..., None], samples.q_first[row], state.q_pc), state.P.copy()
-    posed = ekf_seats.after_pose(params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.aligned)
+    posed = ekf_seats.after_pose(params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.seats)
     for f in np.flatnonzero(fresh.any(axis=1)):
         own = _own(fresh[f], first=bool(not state.known[f].any()))
         P[np.ix_([f], own, np.arange(SIZE))] = 0.0

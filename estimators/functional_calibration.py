@@ -49,14 +49,16 @@ def combine(params: FunctionalParams, pieces: Mapping[str, Piece], pose: Calibra
     fitted = mounting_fit.fit({**seen, **nominal}, movements, sights, pose.hand, params.soft_tissue * DEG)
     far = [s for s, q in seen.items() if quat.angle(quat.relative(q, fitted.q_BS[s])) > CONTRADICTION or _apart(good, s) > CONTRADICTION]
     if far:  # no careless step does that: something else was done than was said, or a sensor has slipped
-        fitted = mounting_fit.Fit({**fitted.q_BS, **seen}, {s: np.full(3, CONTRADICTION) for s in fitted.sd})
+        unsure = {s: np.full(3, CONTRADICTION) for s in fitted.sd}
+        fitted = mounting_fit.Fit({**fitted.q_BS, **seen}, unsure, CONTRADICTION**2 * np.eye(3 * len(unsure)))
     told = [s for s in pose.q_GS if s in seen or s == "hand" or (not far and fitted.sd[s][0] < TOLD)]
     q_BS, sd = ({s: values[s] for s in told} for values in (fitted.q_BS, fitted.sd))
     quality = {s: replace(q, misalignment=_off(mounting, s, q_BS.get(s), q.misalignment)) for s, q in pose.quality.items()}
     said = _said(pose, sd, [s for s in STEPS if s not in good], far)
     steps = {step: p.quality for step, p in good.items()}
     source = f"{pose.source} and functional calibration"
-    return replace(seated(pose, q_BS), source=source, quality=quality, warnings=(*pose.warnings, *said), q_BS_sd=sd, steps=steps)
+    known = replace(seated(pose, q_BS), source=source, quality=quality, warnings=(*pose.warnings, *said), steps=steps)
+    return replace(known, q_BS_sd=sd, q_BS_covariance=fitted.of(told))
 
 
 def _guesses(good: Mapping[str, Piece], pose: Calibration) -> dict[str, Array]:

@@ -55,6 +55,13 @@ class Sight:
 class Fit:
     q_BS: Mapping[str, Array]  # (4,)
     sd: Mapping[str, Array]  # (3,) rad about the segment's x, y, z
+    covariance: Array  # (3 k, 3 k) rad^2, of all of them in that order
+
+    def of(self, segments: Sequence[str]) -> Array:
+        """Covariance of some of them."""
+        order = list(self.sd)
+        places = np.concatenate([np.arange(3) + 3 * order.index(s) for s in segments])
+        return np.asarray(self.covariance[np.ix_(places, places)])
 
 
 def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Sequence[Sight], hand: Hand, soft_tissue: float) -> Fit:
@@ -82,8 +89,9 @@ def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Seque
         step = system.solved()
         q_BS = {s: quat.normalize(quat.multiply(quat.exp(step[places[s]]), q)) for s, q in q_BS.items()}
         start += np.where(np.arange(count) >= 3 * len(guess), step, 0.0)
-    sd = np.sqrt(np.diag(np.linalg.inv(system.normal)))
-    return Fit(q_BS, {s: sd[places[s]] for s in guess})
+    covariance: Array = np.asarray(np.linalg.inv(system.normal), float)[: 3 * len(guess), : 3 * len(guess)]
+    sd = np.sqrt(np.diag(covariance))
+    return Fit(q_BS, {s: np.asarray(sd[places[s]]) for s in guess}, covariance)
 
 
 class _System:

@@ -207,6 +207,7 @@ def _borrowed(recording: Recording, other: Calibration, own: list[Calibration]) 
                 c,
                 q_BS={**c.q_BS, **other.q_BS},
                 q_BS_sd=other.q_BS_sd,
+                q_BS_covariance=other.q_BS_covariance,
                 steps=other.steps,
                 gyr_bias={**other.gyr_bias, **c.gyr_bias},
                 source="initial pose, mounting from another recording",

@@ -1,6 +1,6 @@
 """EKF: joint rotations by a filter a chain that knows how sure it is; where the sensors sit is found while the hand moves.
 
-In      inertial blocks of any subset of sensors, a Calibration from the initial pose
+In      inertial blocks of any subset of sensors, a Calibration from the initial pose, or from that and the movements of a functional calibration
 Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame, with the standard deviations of angles and tips
 Source  Kortier, thesis ch. 2, finger filter (2.3)-(2.32); which way is up for each sensor: VQF, Laidig & Seel 2023; seats and skin: ekf_seats.py, ours
 Limits  the hand's own orientation is that of its fusion; a sensor whose samples are not at the instants of the rows (another rate or clock) counts by
@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_alignment, finger_ekf, forward_kinematics, initial_pose, joint_angles, sensor_fusion, time_base
+from estimators import ekf_alignment, finger_ekf, forward_kinematics, functional_steps, joint_angles, sensor_fusion, time_base
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.ekf_alignment import SENSORS
+from estimators.ekf_seats import Seats
 from estimators.ekf_updates import angle_jacobian
 from estimators.finger_ekf import FilterParams
 from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS
@@ -33,7 +34,7 @@ WRIST = JOINT["wrist"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(FilterParams, sensor_fusion.FusionParams, initial_pose.PoseParams):
+class Params(FilterParams, sensor_fusion.FusionParams, functional_steps.FunctionalParams):
     constraints: bool = option(
         True,
         "",
@@ -81,7 +82,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
     sensors = {s.name: _fused(calibration, s) for s in inertial}
-    chains = finger_ekf.start(params, _bias_sd(params, calibration)[SENSORS], params.alignment != "heading")
+    chains = finger_ekf.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration))
     sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
     return State(calibration, q_SB, sensors, time_base.start(inertial), ekf_alignment.start(calibration), chains, sure)
 
@@ -90,6 +91,17 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
     """What the pose leaves of each sensor's bias (segments,), rad/s: of three one-second means the farthest tells how well their mean is known."""
     wander = [calibration.quality[s].rate_wander if s in calibration.quality else np.radians(3 * params.pose_rate) for s in SEGMENTS]
     return np.asarray(np.hypot(np.radians(params.bias_sd), np.array(wander) / 3.0))
+
+
+def _seats(params: Params, calibration: Calibration) -> Seats:
+    """How well it is known how each sensor sits: as the movements of a functional calibration told, else as sensors are put on."""
+    told = [SEGMENT[s] for s in calibration.q_BS_sd]
+    covariance = np.radians(params.misalignment) ** 2 * np.eye(3 * len(SEGMENTS))
+    places = (3 * np.array(told, int)[:, None] + np.arange(3)).ravel()
+    covariance[np.ix_(places, places)] = calibration.told_together()
+    chains = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
+    aligned = np.array([params.alignment != "heading" and k not in told for k in range(len(SEGMENTS))])
+    return Seats(covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS])
 
 
 def _fused(calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:

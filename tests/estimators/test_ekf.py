@@ -16,6 +16,7 @@ from estimators.forward_kinematics import CHAIN_JOINTS
 from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT, Hand
 from estimators.hand_geometry import sized
 from estimators.methods import ekf
+from estimators.processing import process
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block
 from estimators.simulation import experiments
@@ -118,6 +119,21 @@ def test_standard_deviations_are_honest_with_all_errors(performed: list[tuple[Si
     low, high = (float(chi2.ppf(p, draws)) / draws for p in (0.025, 0.975))
     assert low < np.mean(np.concatenate([(z**2).mean(axis=0) for z in normal])) < high
     assert np.mean(np.concatenate([np.abs(z).ravel() for z in normal]) < 2) > 0.93
+
+
+def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
+    """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the angles are as good as told."""
+    errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
+    recording = recorded(experiments.EXPERIMENTS["free"], np.random.default_rng(5103), errors, None, "left", 2.5, steps=True)
+    found: list[Array] = []
+    for functional in (True, False):
+        moved = process(ekf, replace(PARAMS, functional=functional), recording).trajectory
+        assert moved.angles_sd is not None
+        error = (moved.angles - recording.truth.angles)[judged(recording)][:, IS_DOF]
+        found += [np.sqrt((error**2).mean()) / DEG, np.abs(error / moved.angles_sd[judged(recording)][:, IS_DOF])]
+    assert found[0] < 1.5
+    assert found[0] < 0.5 * found[2]
+    assert (found[1] < 2).mean() > 0.95
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from estimators import ekf_seats, ekf_updates, ekf_windows, finger_ekf, joint_angles
 from estimators import quaternions as quat
+from estimators.ekf_seats import Seats
 from estimators.finger_ekf import FilterParams, Samples, State
 from estimators.quaternions import Array
 
@@ -226,7 +227,7 @@ def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_ve
     seat = quat.multiply(turn, q_nominal)
     q_pc = quat.relative(quat.multiply(q_HS, quat.conjugate(turn))[:, :3], quat.multiply(q_HS, quat.conjugate(turn))[:, 1:])
     errors = np.concatenate([quat.log(q_pc).reshape(trials, 9), quat.log(seat).reshape(trials, 12)], axis=1)
-    P = ekf_seats.after_pose(params, np.tile(quat.IDENTITY, (1, 3, 1)), np.tile(9.81 * up, (1, 4, 1)), FREE_INDEX[None])[0]
+    P = ekf_seats.after_pose(params, np.tile(quat.IDENTITY, (1, 3, 1)), np.tile(9.81 * up, (1, 4, 1)), FREE_INDEX[None], _seats(params))[0]
     kept = np.r_[0:9, 21:33]
     np.testing.assert_allclose(np.cov(errors.T) / DEG**2, P[np.ix_(kept, kept)] / DEG**2, atol=0.06)
 
@@ -263,7 +264,12 @@ def _index(params: FilterParams, trials: int = 1) -> State:
     """Index fingers that start."""
     bias_sd = np.full((trials, 4), params.bias_sd * DEG)
     free, limits = (np.broadcast_to(x, (trials, *x.shape)) for x in (FREE_INDEX, LIMITS_INDEX))
-    return finger_ekf.start(params, bias_sd, True, free, limits)
+    return finger_ekf.start(bias_sd, _seats(params, trials), free, limits)
+
+
+def _seats(params: FilterParams, trials: int = 1) -> Seats:
+    """Sensors put on somehow, their frames aligned by the pose."""
+    return Seats(np.tile((params.misalignment * DEG) ** 2 * np.eye(12), (trials, 1, 1)), np.ones((trials, 4), bool))
 
 
 def _finger_trials(rng: np.random.Generator, params: FilterParams, trials: int, seconds: float) -> tuple[Samples, Array, Array, Array]:
