@@ -16,7 +16,7 @@ from sessions.tables import Patient
 
 GLOVES = ("left", "right")
 FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there
-WAIT = 10.0  # s for the virtual gloves to come up
+WAIT = 30.0  # s for the virtual gloves to come up, on a machine that is busy
 
 
 def add(parser: argparse.ArgumentParser) -> None:
