@@ -1,4 +1,5 @@
 /** Elements without markup from text: h("p", { class: "hint", onclick }, "text", child, [more]). */
+const SVG = "http://www.w3.org/2000/svg"; // a name, not an address
 const PROPERTIES = new Set(["value", "checked", "disabled", "selected", "hidden", "indeterminate"]);
 
 export function h(tag, attributes = {}, ...children) {
@@ -10,6 +11,14 @@ export function h(tag, attributes = {}, ...children) {
     else if (PROPERTIES.has(name)) element[name] = value;
     else element.setAttribute(name, value === true ? "" : value);
   }
+  return element;
+}
+
+/** The same for drawings: s("svg", { viewBox }, s("path", { d })). */
+export function s(tag, attributes = {}, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children.flat(Infinity));
   return element;
 }
 

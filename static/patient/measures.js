@@ -1,41 +1,37 @@
-/** Hand measures, in millimetres on the page and metres in the API; a hand that was not measured counts as an average adult's. */
+/** Hand measures with a picture of how to take each, in millimetres on the page and metres in the API; what is not measured is derived. */
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
+import { handDrawing } from "./hand_drawing.js";
 import { sendChange } from "./record.js";
 import { t } from "../words/words.js";
 
-const NAMES = ["hand_length", "hand_breadth", "palm_length"];
+const HANDS = ["left", "right"];
+const WHOLE = ["hand_length", "hand_breadth", "palm_length"];
+const FINGERS = ["thumb", "index", "middle", "ring", "little"];
 const MM = 1000; // of a metre
 
 export function mount(root, api, { record }) {
   const box = errorBox();
   const said = h("p", { class: "soft", role: "status" });
-  const inputs = {};
-  const columns = ["left", "right"].map((hand) => {
-    inputs[hand] = Object.fromEntries(
-      NAMES.map((name) => [name, h("input", { inputmode: "decimal", autocomplete: "off", name: `${hand}_${name}` })]),
-    );
-    const fields = NAMES.map((name) => field(t(`measure.${name}`), inputs[hand][name], t(`measure.${name}.hint`)));
-    return h("fieldset", {}, h("legend", {}, t(`hand.${hand}.title`)), fields);
-  });
-  const form = h(
-    "form",
-    { novalidate: true },
-    h("div", { class: "pair" }, columns),
-    h("button", { type: "submit" }, t("measures.save")),
-    said,
+  const whole = WHOLE.map((name) => entry(t(`measure.${name}`), [name], how(name)));
+  const fingers = FINGERS.map((finger) => entry(t("measure.finger", { finger: t(`finger.${finger}`) }), ["finger_length", finger]));
+  const inputs = [...whole, ...fingers].flatMap((made) => made.inputs);
+  const pictured = (name, content) => h("div", { class: "measure" }, handDrawing(name), content);
+  const more = h(
+    "details",
+    {},
+    h("summary", {}, t("measures.fingers")),
+    pictured("finger_length", how("finger_length")),
+    fingers.map((made) => made.element),
   );
-  const fill = (patient) => eachInput(inputs, (input, hand, name) => (input.value = millimetres(patient.hand_measures?.[hand]?.[name])));
+  const rows = whole.map((made, k) => pictured(WHOLE[k], made.element));
+  const form = h("form", { novalidate: true }, rows, more, h("button", { type: "submit" }, t("measures.save")), said);
+  const fill = (patient) => inputs.forEach((one) => (one.input.value = millimetres(valueOf(patient.hand_measures, one.path))));
 
   onSubmit(form, box, async () => {
     said.textContent = "";
     const measures = structuredClone(record.now.hand_measures ?? {});
-    eachInput(inputs, (input, hand, name) => {
-      measures[hand] ??= {};
-      delete measures[hand][name];
-      const value = metres(input.value, t(`measure.${name}`));
-      if (value !== null) measures[hand][name] = value;
-    });
+    for (const { input, path, label } of inputs) put(measures, path, metres(input.value, label));
     if (await sendChange(record, api, { hand_measures: measures }, box, fill)) said.textContent = t("measures.saved");
   });
   fill(record.now);
@@ -45,8 +41,26 @@ export function mount(root, api, { record }) {
   return () => {};
 }
 
-function eachInput(inputs, act) {
-  for (const [hand, named] of Object.entries(inputs)) for (const [name, input] of Object.entries(named)) act(input, hand, name);
+const how = (name) => h("p", { class: "hint" }, t(`measure.${name}.how`));
+
+/** A measure of both hands: its group, and its inputs with where their values belong. */
+function entry(label, path, ...about) {
+  const inputs = HANDS.map((hand) => {
+    const input = h("input", { inputmode: "decimal", autocomplete: "off", name: [hand, ...path].join("_") });
+    return { input, path: [hand, ...path], label: t("measure.of", { label, hand: t(`hand.${hand}`) }) };
+  });
+  const fields = inputs.map(({ input }, k) => field(t(`hand.${HANDS[k]}.title`), input));
+  return { inputs, element: h("fieldset", {}, h("legend", {}, label), about, h("div", { class: "pair" }, fields)) };
+}
+
+const valueOf = (measures, path) => path.reduce((within, key) => within?.[key], measures);
+
+/** Set a value where it belongs, or take it out. */
+function put(measures, path, value) {
+  const last = path.at(-1);
+  if (value === null) return delete (valueOf(measures, path.slice(0, -1)) ?? {})[last];
+  const place = path.slice(0, -1).reduce((within, key) => (within[key] ??= {}), measures);
+  return (place[last] = value);
 }
 
 function millimetres(value) {

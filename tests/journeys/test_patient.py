@@ -15,17 +15,20 @@ pytestmark = pytest.mark.browser
 
 def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: Page, patient: int) -> None:
     page.get_by_text("Hand measures").click()
-    left = page.get_by_role("group", name="Left hand")
-    left.get_by_label("Hand length (mm)").fill("181,5")
-    left.get_by_label("Palm length (mm)").fill("ten")
+    length, palm = (page.get_by_role("group", name=f"{what} (mm)").get_by_label("Left hand") for what in ("Hand length", "Palm length"))
+    length.fill("181,5")
+    palm.fill("ten")
+    page.get_by_text("Lengths of the fingers").click()
+    page.get_by_role("group", name="Index (mm)").get_by_label("Right hand").fill("92")
     page.get_by_role("button", name="Save measures").click()
-    expect(page.get_by_text("Palm length (mm) is “ten”")).to_be_visible()
-    left.get_by_label("Palm length (mm)").fill("")
+    expect(page.get_by_text("Palm length (mm), left is “ten”")).to_be_visible()
+    palm.fill("")
     page.get_by_role("button", name="Save measures").click()
     expect(page.get_by_text("Saved.")).to_be_visible()
-    assert api(page, f"/api/patients/{patient}")["hand_measures"]["left"] == {"hand_length": 0.1815}
+    measures = api(page, f"/api/patients/{patient}")["hand_measures"]
+    assert measures == {"left": {"hand_length": 0.1815}, "right": {"finger_length": {"index": 0.092}}}
     keep_picture(page, "patient-measures")
-    left.get_by_label("Hand length (mm)").fill("1815")
+    length.fill("1815")
     page.get_by_role("button", name="Save measures").click()
     expect(page.locator(".error")).to_contain_text("hand_length")
 
