@@ -21,9 +21,10 @@ from estimators.ekf_updates import GRAVITY
 from estimators.finger_ekf import Samples
 from estimators.forward_kinematics import CHAIN_SEGMENTS
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
+from estimators.missing_samples import complete
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Stream
-from estimators.sensor_fusion import LOST_DOUBT, complete
+from estimators.sensor_fusion import LOST_DOUBT
 from estimators.time_base import Rows
 from estimators.trajectory import Flag
 

@@ -18,10 +18,11 @@ from estimators.calibration import Calibration, SensorQuality
 from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.missing_samples import complete
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Event, Stream
-from estimators.sensor_fusion import complete, upright
+from estimators.sensor_fusion import upright
 from estimators.time_base import measured_rates
 
 STANDARD_GRAVITY = 9.80665

@@ -8,7 +8,6 @@ Limits  without magnetometer the heading drifts with what is left of the gyrosco
 """
 
 import itertools
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,7 +18,7 @@ from vqf import VQF
 
 from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
-from estimators.compiled import told_by_row
+from estimators.missing_samples import complete, with_missing_instants
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Stream, every
@@ -134,7 +133,7 @@ def start(
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
     """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
-    block, sampled = _with_missing_instants(params, state, block)
+    block, sampled = with_missing_instants(block, state.t, state.period, params.max_gap)
     block, sampled = _with_held(state, block), np.concatenate([state.held_sampled, sampled])
     turning_too_fast, pushed_too_hard = block.at_limit(GYR), block.at_limit(ACC)
     whole = complete(block) & ~turning_too_fast  # rates beyond the limit are bridged as missing ones are
@@ -148,17 +147,6 @@ def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Orien
     turning_too_fast, pushed_too_hard = held.at_limit(GYR), held.at_limit(ACC)
     whole = complete(held) & ~turning_too_fast
     return _advance(params, state, held, state.held_sampled, whole, turning_too_fast | pushed_too_hard, len(held.t))
-
-
-def complete(block: Block) -> NDArray[np.bool_]:
-    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
-    return _complete(block.of(GYR), block.of(ACC))
-
-
-@told_by_row("(v),(v)->()")
-def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
-    total = gyr[0] + gyr[1] + gyr[2] + acc[0] + acc[1] + acc[2]
-    told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
 
 
 def _advance(
@@ -187,23 +175,6 @@ def _advance(
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(state.stream, tuple(sensors), state.period, newest, held if len(held.t) else None, sampled[count:])
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
-
-
-def _with_missing_instants(params: FusionParams, state: StreamState, block: Block) -> tuple[Block, NDArray[np.bool_]]:
-    """Put rows of NaN where the stream's clock says that samples are missing; the mask tells the others."""
-    period = state.period
-    previous = np.concatenate([[state.t], block.t[:-1]])
-    jump = block.t - previous
-    jump[np.isinf(jump)] = period
-    counts = np.where(jump <= params.max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)).astype(int)
-    counts = np.maximum(counts, 0)
-    if not counts.any():
-        return block, np.ones(len(block.t), bool)
-    where = np.repeat(np.arange(len(block.t)), counts)
-    rank = np.arange(len(where)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    t_missing = previous[where] + rank * jump[where] / (counts[where] + 1)
-    filled = Block(block.stream, np.insert(block.t, where, t_missing), np.insert(block.values, where, np.nan, axis=0))
-    return filled, np.insert(np.ones(len(block.t), bool), where, False)
 
 
 def _with_held(state: StreamState, block: Block) -> Block:

@@ -1,0 +1,42 @@
+"""Which samples of a block are missing: values that are not there, and instants at which nothing came.
+
+In      blocks of an inertial stream
+Out     masks, and blocks with rows of NaN where the stream's clock expects a sample
+Source  ours
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import told_by_row
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block
+
+
+def complete(block: Block) -> NDArray[np.bool_]:
+    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
+    return _complete(block.of(GYR), block.of(ACC))
+
+
+@told_by_row("(v),(v)->()")
+def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
+    total = gyr[0] + gyr[1] + gyr[2] + acc[0] + acc[1] + acc[2]
+    told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
+
+
+def with_missing_instants(block: Block, newest: float, period: float, max_gap: float) -> tuple[Block, NDArray[np.bool_]]:
+    """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
+    previous = np.concatenate([[newest], block.t[:-1]])
+    jump = block.t - previous
+    jump[np.isinf(jump)] = period
+    counts = np.where(jump <= max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)).astype(int)
+    counts = np.maximum(counts, 0)
+    if not counts.any():
+        return block, np.ones(len(block.t), bool)
+    where = np.repeat(np.arange(len(block.t)), counts)
+    rank = np.arange(len(where)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    t_missing = previous[where] + rank * jump[where] / (counts[where] + 1)
+    filled = Block(block.stream, np.insert(block.t, where, t_missing), np.insert(block.values, where, np.nan, axis=0))
+    return filled, np.insert(np.ones(len(block.t), bool), where, False)
