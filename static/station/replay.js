@@ -2,9 +2,10 @@
 import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as angles from "./angles.js";
-import * as chapters from "./chapters.js";
-import * as controls from "./controls.js";
+import * as chapterList from "./replay_chapters.js";
+import * as controls from "./replay_controls.js";
 import * as curves from "./replay_curves.js";
+import { makeFocus } from "./replay_focus.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { station, session, strip }) {
@@ -27,21 +28,30 @@ export function mount(root, api, { station, session, strip }) {
       "p",
       { class: "soft" },
       t("replay.lead", { who: t("station.who", { hand: t(`hand.${station.latest.hand}.title`), patient: session.patient.pseudonym }) }),
+      " ",
+      t("replay.keys"),
     ),
     box.element,
     places.chapters,
     places.angles,
   );
-  api.get(`/api/results/${station.latest.result}`).then(
-    (result) => {
+  Promise.all([api.get(`/api/results/${station.latest.result}`), api.titles().catch(() => new Map())]).then(
+    ([result, titles]) => {
       if (gone) return;
+      const focus = makeFocus(station);
+      const chapters = chapterList.chaptersOf(result, titles);
       const parts = [
         [controls, places.controls],
         [curves, places.curves],
-        [chapters, places.chapters],
+        [chapterList, places.chapters],
         [angles, places.angles],
       ];
-      leave = assemble(api, { station, result }, parts);
+      const unmount = assemble(api, { station, result, focus, chapters }, parts);
+      root.append(focus.element);
+      leave = () => {
+        unmount();
+        focus.leave();
+      };
       places.angles.querySelector("details").open = true;
     },
     (error) => gone || box.show(error),

@@ -7,7 +7,9 @@ import { makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
 import { clock } from "../words/words.js";
 
-export function mount(root, api, { station, result }) {
+const MARGIN = 0.5; // s seen before and after a chapter
+
+export function mount(root, api, { station, result, focus }) {
   const { start } = station.latest.replay;
   const box = errorBox();
   const tapped = result.readings.tapping.length > 0;
@@ -20,11 +22,16 @@ export function mount(root, api, { station, result }) {
   let at = start;
   root.append(h("div", { class: "curves-head" }, choice, names), place, box.element);
 
+  /** A chapter that is repeated is seen from close by. */
+  function span() {
+    return focus.chapter ? { start: focus.chapter.start - MARGIN, stop: focus.chapter.stop + MARGIN } : {};
+  }
+
   async function draw() {
     const mine = (asked += 1);
     const shown = SETS[choice.value];
     try {
-      const told = await api.get(curvesAddress(result.id, shown));
+      const told = await api.get(curvesAddress(result.id, shown, span()));
       if (mine !== asked) return;
       box.clear();
       plot?.destroy();
@@ -57,10 +64,12 @@ export function mount(root, api, { station, result }) {
     at = pulse.t;
     point();
   });
+  const unfocus = focus.on(draw);
   draw();
   return () => {
     asked += 1;
     leave();
+    unfocus();
     plot?.destroy();
   };
 }

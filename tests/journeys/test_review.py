@@ -57,3 +57,29 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     page.get_by_label("Compared with").select_option("before")
     shown(page.get_by_text("measurement error round the session before"))
     keep_picture(page, "patient-progress")
+
+
+def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: Page, server: Server, processed: int) -> None:
+    page = page_without_scene
+    result = api(page, f"/api/sessions/{processed}")["recordings"][0]["results"][-1]["id"]
+    station = api(page, f"/api/results/{result}/replay", "POST")["station"]
+    page.goto(f"{server.base}/stations/{station}")
+    cursor = shown(page.locator(".cursor"))
+    page.keyboard.press("Home")
+    expect(cursor).to_have_attribute("data-t", "0.00")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowRight")
+    shown(page.get_by_text("6.0 of"))
+    page.keyboard.press("Space")
+    shown(page.get_by_role("button", name="Pause"))
+    page.keyboard.press("Space")
+    tapping = api(page, f"/api/results/{result}")["content"]["tasks"][0]
+    page.get_by_label("Speed").select_option("4")
+    page.get_by_role("button", name="Repeat Finger tapping").click()
+    page.get_by_role("slider", name="Time in the recording").fill(str(round(tapping["end"] - 0.3, 2)))
+    page.wait_for_function(
+        "([onset, end]) => { const t = Number(document.querySelector('.cursor')?.dataset.t); return t > onset && t < onset + 8; }",
+        arg=[tapping["onset"], tapping["end"]],
+    )
+    page.get_by_role("button", name="Repeat Finger tapping").click()
+    page.get_by_role("button", name="Pause").click()

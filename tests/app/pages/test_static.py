@@ -15,6 +15,7 @@ DOCUMENTS = sorted(ROOT.rglob("*.html"))
 WORDS = ROOT / "words" / "en.js"
 PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
 NOT_MOUNTED = {
+    "replay_focus.js",
     "second_look.js",
     "hand_drawing.js",
     "fact_fields.js",

@@ -1,0 +1,64 @@
+/** What happens in the recording and when: press to jump there, or to repeat it. */
+import { h } from "../dom.js";
+import { errorBox, once } from "../forms.js";
+import { clock, known, t } from "../words/words.js";
+
+/** Chapters of a recording in order of time: { words, start, stop, calibration, excluded }. */
+export function chaptersOf(result, titles) {
+  const told = result.content.events.filter((event) => event.trial_type === "task" || known(`event.${event.trial_type}`, null));
+  const named = (event) => titles.get(event.task_name) ?? event.task_name ?? t(`event.${event.trial_type}`);
+  const trial = (event) => told.filter((other) => named(other) === named(event) && other.onset <= event.onset).length;
+  const several = (event) => told.filter((other) => named(other) === named(event)).length > 1;
+  return told
+    .map((event) => ({
+      words: several(event) ? t("tapping.trial", { title: named(event), number: trial(event) }) : named(event),
+      start: event.onset,
+      stop: event.onset + Math.max(event.duration, 0.5),
+      calibration: event.trial_type !== "task",
+      excluded: event.excluded,
+    }))
+    .sort((a, b) => a.start - b.start);
+}
+
+export function mount(root, api, { station, focus, chapters }) {
+  const { start } = station.latest.replay;
+  const box = errorBox();
+  const rows = chapters.map(row);
+  root.append(
+    h("h2", {}, t("chapters.title")),
+    h("ol", {}, rows.length ? rows.map((one) => one.element) : h("li", { class: "soft" }, t("chapters.none"))),
+    box.element,
+  );
+
+  function row(chapter) {
+    const jump = h(
+      "button",
+      { class: "jump", onclick: () => once(jump, box, () => station.act("seek", { value: chapter.start })) },
+      h("span", {}, chapter.words, chapter.excluded && h("small", { class: "soft" }, " ", t("chapters.excluded"))),
+      h("span", { class: "soft" }, clock(chapter.start - start)),
+    );
+    const label = t("chapters.repeat.of", { chapter: chapter.words });
+    const repeat = h("button", { class: "repeat", "aria-pressed": "false", title: t("chapters.repeat"), "aria-label": label }, "↻");
+    repeat.addEventListener("click", () => once(repeat, box, () => turn(chapter)));
+    return { chapter, jump, repeat, element: h("li", { class: chapter.calibration && "calibration" }, jump, repeat) };
+  }
+
+  async function turn(chapter) {
+    const wanted = focus.chapter === chapter ? null : chapter;
+    focus.set(wanted);
+    if (!wanted) return;
+    await station.act("seek", { value: chapter.start });
+    await station.act("play");
+  }
+
+  const stops = [
+    focus.on((wanted) => rows.forEach(({ chapter, repeat }) => repeat.setAttribute("aria-pressed", String(chapter === wanted)))),
+    station.on("pulse", ({ t: now }) =>
+      rows.forEach(({ chapter, jump }) => {
+        const inside = now >= chapter.start && now < chapter.stop;
+        if (inside !== jump.hasAttribute("aria-current")) jump.toggleAttribute("aria-current", inside);
+      }),
+    ),
+  ];
+  return () => stops.forEach((stop) => stop());
+}
