@@ -73,7 +73,7 @@ def pages() -> dict[str, tuple[str, ...]]:
         "patients": ("/", "/api/patients?limit=50", "/api/sessions/unfinished"),
         "patients, last part": (f"/api/patients?limit=50&offset={PATIENTS - 50}",),
         "patients, search": (f"/api/patients?limit=50&search={quote('P-07 1')}",),
-        "patient": ("/patients/1", "/api/patients/1", "/api/gloves", "/api/protocols", "/api/methods"),
+        "patient": ("/patients/1", "/api/patients/1", "/api/patients/1/progress", "/api/gloves", "/api/protocols", "/api/methods"),
         "session": ("/sessions/1", "/api/sessions/1", "/api/results/1", "/api/methods"),
         "session's curves": ("/api/results/1/curves?what=aperture&what=index_pip_flexion",),
     }

@@ -71,7 +71,8 @@ def progress(visits: Sequence[Visited], protocols: Mapping[str, Protocol]) -> Pr
     way = _usual(visits)
     kept = [v for v in visits if v.occasion.way[1:] == way]
     by_hand: dict[Hand, list[Visited]] = {hand: [v for v in kept if v.occasion.hand == hand] for hand in HANDS}
-    keys = dict.fromkeys(key for v in kept for key in v.values if not key[2].endswith("_range") and _is_asked(key, protocols))
+    every = dict.fromkeys(key for v in kept for key in v.values)
+    keys = [key for key in every if not key[2].endswith("_range") and _is_asked(key, protocols)]
     return Progress(
         way[0],
         {hand: tuple(v.occasion for v in found) for hand, found in by_hand.items() if found},
