@@ -1,4 +1,5 @@
 /** The HTTP API: values in, values out; what goes wrong is an Error with the sentence to show. */
+import { language } from "./words/languages.js";
 import { t } from "./words/words.js";
 
 export class ApiError extends Error {
@@ -29,7 +30,7 @@ export function makeApi(stranger = () => location.assign("/login")) {
   async function reach(path, options) {
     let response;
     try {
-      response = await fetch(path, options);
+      response = await fetch(path, { ...options, headers: { "Accept-Language": language, ...options.headers } });
     } catch {
       throw new ApiError(t("error.unreachable"));
     }
@@ -68,6 +69,7 @@ function upload(path, form, progress) {
     const request = new XMLHttpRequest();
     request.open("POST", path);
     request.responseType = "json";
+    request.setRequestHeader("Accept-Language", language);
     request.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
     request.onload = () => {
       const good = request.status < 300;

@@ -25,8 +25,15 @@ from sessions.tables import Login, now
 
 COOKIE = "handscope"
 OPEN_PATHS = ("/login", "/api/login", "/api/health")
-OPEN_FOLDERS = ("/static/login/", "/static/fonts/")
-OPEN_FILES = ("/static/colors.css", "/static/style.css", "/static/favicon.svg")
+OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/")
+OPEN_FILES = (
+    "/static/colors.css",
+    "/static/style.css",
+    "/static/favicon.svg",
+    "/static/preferences.js",
+    "/static/theme.js",
+    "/static/dom.js",
+)
 TOKEN_LIFE = timedelta(hours=12)
 TOUCH_EVERY = timedelta(minutes=1)
 SAFE = ("GET", "HEAD", "OPTIONS")

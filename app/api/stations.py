@@ -9,8 +9,9 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from app.api.state import PartsDep, parts
+from app.api.state import LanguageDep, PartsDep, parts
 from app.devices import ports
+from app.language import Language
 from app.live.replay import Replay
 from app.live.stations import AnyStation
 from estimators.errors import InputError
@@ -18,6 +19,17 @@ from estimators.errors import InputError
 router = APIRouter(tags=["stations"])
 PULSE = 1 / 60  # s, least time between two messages to a viewer
 FULL = 0.1  # s between two whole snapshots to a viewer
+SPOKEN = (
+    "title",
+    "instruction",
+    "message",
+    "problem",
+    "say",
+    "word",
+    "words",
+    "next",
+    "reason",
+)  # keys of texts that stations tell in English
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
@@ -45,20 +57,20 @@ def list_stations(parts: PartsDep) -> list[dict[str, Any]]:
 
 
 @router.get("/stations/{name}")
-def read_station(parts: PartsDep, name: str) -> dict[str, Any]:
+def read_station(parts: PartsDep, language: LanguageDep, name: str) -> dict[str, Any]:
     """Where the session stands."""
-    return parts.stations.get(name).snapshot()
+    return told(parts.stations.get(name), language)
 
 
 @router.post("/stations/{name}/actions")
-def act(parts: PartsDep, name: str, wish: Wish) -> dict[str, Any]:
+def act(parts: PartsDep, language: LanguageDep, name: str, wish: Wish) -> dict[str, Any]:
     """Tell the wizard or the replay what a person wants."""
     station = parts.stations.get(name)
     if isinstance(station, Replay):
         station.act(wish.action, wish.value)
     else:
         station.act(wish.action, wish.task, wish.reason, wish.group)
-    return station.snapshot()
+    return told(station, language)
 
 
 @router.delete("/stations/{name}", status_code=204)
@@ -67,8 +79,14 @@ def close_station(parts: PartsDep, name: str) -> None:
     parts.stations.close(name)
 
 
+def told(station: AnyStation, language: Language) -> dict[str, Any]:
+    """Where the station stands, in a language."""
+    found: dict[str, Any] = language.told(station.snapshot(), SPOKEN)
+    return found
+
+
 @router.websocket("/stations/{name}/live")
-async def live(websocket: WebSocket, name: str) -> None:
+async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
     """JSON messages: {"full": snapshot} ten times a second, {"pulse": newest pose and curve points} with every pose."""
     await websocket.accept()
     try:
@@ -80,7 +98,7 @@ async def live(websocket: WebSocket, name: str) -> None:
     leave = station.watch(lambda: None if news.is_set() else loop.call_soon_threadsafe(news.set))
     reader = asyncio.ensure_future(_until_gone(websocket))
     try:
-        await _tell(websocket, station, news, reader)
+        await _tell(websocket, station, language, news, reader)
     except (WebSocketDisconnect, RuntimeError):
         pass  # the viewer closed the page
     finally:
@@ -88,7 +106,7 @@ async def live(websocket: WebSocket, name: str) -> None:
         leave()
 
 
-async def _tell(websocket: WebSocket, station: AnyStation, news: asyncio.Event, reader: "asyncio.Future[None]") -> None:
+async def _tell(websocket: WebSocket, station: AnyStation, language: Language, news: asyncio.Event, reader: "asyncio.Future[None]") -> None:
     told_full, told_pulse, newest = -1.0, -1.0, -1e9
     while not reader.done():
         try:
@@ -101,7 +119,7 @@ async def _tell(websocket: WebSocket, station: AnyStation, news: asyncio.Event, 
         message: dict[str, Any] = {"pulse": station.pulse(newest)}
         newest = message["pulse"]["points"][-1][0] if message["pulse"]["points"] else newest
         if now - told_full >= FULL or station.ended:
-            message["full"], told_full = station.snapshot(), now
+            message["full"], told_full = told(station, language), now
         told_pulse = now
         await websocket.send_json(message)
         if station.ended:

@@ -7,11 +7,12 @@ locale     numbers, dates and lists after the Unicode CLDR (Babel)
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from importlib.resources import files
+from typing import Any
 
 from babel import Locale, negotiate_locale
 from babel.dates import format_date, format_time
@@ -83,6 +84,14 @@ class Language:
                     return _filled(text, {name: self.heard(value) for name, value in found.groupdict().items()})
         return self._localised(sentence)
 
+    def told(self, value: Any, keys: Collection[str]) -> Any:
+        """Plain data with the texts under these keys, at any depth, as heard."""
+        if self.code == DEFAULT:
+            return value
+        if isinstance(value, Mapping):
+            return {k: _heard(self, v) if k in keys and isinstance(v, str) else self.told(v, keys) for k, v in value.items()}
+        return [self.told(v, keys) for v in value] if isinstance(value, list | tuple) else value
+
     def _localised(self, text: str) -> str:
         """Segments by their names, decimal numbers in the locale's form."""
         named = SEGMENT.sub(lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text)
@@ -94,6 +103,12 @@ class Language:
         """Sentences with gaps, those with most words of their own first."""
         gapped = sorted((s for s in self.sentences if NAME.search(s)), key=lambda s: -len(NAME.sub("", s)))
         return [(re.compile(_gapped(s), re.DOTALL), self.sentences[s]) for s in gapped]
+
+
+@lru_cache(2000)
+def _heard(one: Language, sentence: str) -> str:
+    """For what is said again and again."""
+    return one.heard(sentence)
 
 
 @cache

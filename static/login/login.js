@@ -1,5 +1,7 @@
 /** Ask for the one-time code and log in with it. */
-import words from "./words.js";
+import { preferences } from "../preferences.js";
+import { language } from "../words/languages.js";
+import { t } from "../words/words.js";
 
 function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -11,16 +13,16 @@ function make(tag, attributes = {}, ...children) {
 export function mount(root) {
   const alert = make("div", { role: "alert" });
   const input = make("input", { id: "code", autocomplete: "off", spellcheck: "false", "aria-describedby": "hint", name: "code" });
-  const button = make("button", { class: "primary large", type: "submit" }, words.send);
+  const button = make("button", { class: "primary large", type: "submit" }, t("login.send"));
   const form = make(
     "form",
     { novalidate: "" },
     make(
       "div",
       { class: "field" },
-      make("label", { for: "code" }, words.code),
+      make("label", { for: "code" }, t("login.code")),
       input,
-      make("p", { class: "hint", id: "hint" }, words.hint),
+      make("p", { class: "hint", id: "hint" }, t("login.hint")),
     ),
     button,
   );
@@ -29,7 +31,7 @@ export function mount(root) {
   async function logIn(event) {
     event.preventDefault();
     const token = codeOf(input.value);
-    if (!token) return say(words.missing);
+    if (!token) return say(t("login.missing"));
     button.disabled = true;
     const refusal = await send(token);
     if (!refusal) return location.assign("/");
@@ -44,16 +46,16 @@ export function mount(root) {
     make(
       "div",
       { class: "card" },
-      make("h2", {}, words.title),
-      make("p", { class: "soft" }, words.lead),
+      make("h2", {}, t("login.title")),
+      make("p", { class: "soft" }, t("login.lead")),
       alert,
       form,
-      make("h3", {}, words.where),
-      make("p", {}, words.where_text),
-      make("p", {}, make("code", {}, words.command)),
+      make("h3", {}, t("login.where")),
+      make("p", {}, t("login.where_text")),
+      make("p", {}, make("code", {}, t("login.command"))),
     ),
   );
-  if (location.search.includes("token=")) say(words.used);
+  if (location.search.includes("token=")) say(t("login.used"));
   input.focus();
   return () => root.replaceChildren();
 }
@@ -68,16 +70,17 @@ async function send(token) {
   try {
     const response = await fetch("/api/login", {
       method: "POST",
-      headers: { "Content-Type": "application/json" },
+      headers: { "Content-Type": "application/json", "Accept-Language": language },
       body: JSON.stringify({ token }),
     });
     if (response.ok) return "";
-    return (await response.json().catch(() => ({}))).error ?? words.refused;
+    return (await response.json().catch(() => ({}))).error ?? t("login.refused");
   } catch {
-    return words.unreachable;
+    return t("login.unreachable");
   }
 }
 
 const root = make("main");
-document.body.append(root, make("footer", { class: "soft small" }, words.notice));
+document.title = `${t("login.title")} · Handscope`;
+document.body.append(root, preferences(), make("footer", { class: "soft small" }, t("notice")));
 mount(root);

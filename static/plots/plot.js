@@ -1,7 +1,6 @@
 /** A curve plot in the page's colours: follows its box and the colour scheme; drawn by uPlot. */
+import { watchTheme } from "../theme.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
-
-const DARK = matchMedia("(prefers-color-scheme: dark)");
 
 /**
  * wanted.label    what a screen reader says
@@ -28,7 +27,7 @@ export function makePlot(root, wanted) {
 
   const observer = new ResizeObserver(() => (plot ? plot.setSize(sizeOf(root)) : make()));
   observer.observe(root);
-  DARK.addEventListener("change", make);
+  const unwatch = watchTheme(make);
   const press = (event) => plot && wanted.pressed?.(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
   root.addEventListener("click", press);
   return {
@@ -41,7 +40,7 @@ export function makePlot(root, wanted) {
     },
     destroy() {
       observer.disconnect();
-      DARK.removeEventListener("change", make);
+      unwatch();
       root.removeEventListener("click", press);
       plot?.destroy();
     },

@@ -1,6 +1,7 @@
 /** What can be taken away: the report, tables, the movement; and the replay. */
 import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
+import { language } from "../words/languages.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
@@ -13,6 +14,11 @@ export function mount(root, api, { session, result, go }) {
   function saved(words, path, file) {
     const button = h("button", { onclick: () => once(button, box, () => save(path, file)) }, words);
     return button;
+  }
+
+  /** A report in a window of its own. */
+  function opened(words, href, look = "button") {
+    return h("a", { class: look, href, target: "_blank", rel: "noopener" }, words);
   }
 
   async function save(path, file) {
@@ -34,6 +40,8 @@ export function mount(root, api, { session, result, go }) {
     t("downloads.replay"),
   );
   const tables = [
+    opened(t("downloads.html"), `${base}/report.html?language=${language}`),
+    opened(t("downloads.letter"), `${base}/report.pdf?language=${language}&paper=us-letter`),
     saved(t("downloads.csv"), `${base}/report.csv`, name(".csv")),
     saved(t("downloads.json"), `${base}/report.json`, name(".json")),
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip")),
@@ -42,7 +50,7 @@ export function mount(root, api, { session, result, go }) {
     h(
       "div",
       { class: "buttons" },
-      h("a", { class: "button primary large", href: `${base}/report.pdf`, target: "_blank", rel: "noopener" }, t("downloads.pdf")),
+      opened(t("downloads.pdf"), `${base}/report.pdf?language=${language}`, "button primary large"),
       replay,
     ),
     h("details", { class: "more" }, h("summary", {}, t("downloads.more")), h("div", { class: "buttons" }, tables), said),

@@ -1,4 +1,5 @@
 /** What a station tells, as it happens, and what a person wants of it. The connection is made again whenever it is lost. */
+import { language } from "../words/languages.js";
 
 const FIRST = 300; // ms until the first new try
 const MOST = 5000;
@@ -21,7 +22,7 @@ export function follow(name, api) {
 
   function open() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    socket = new WebSocket(`${scheme}://${location.host}/api/stations/${name}/live`);
+    socket = new WebSocket(`${scheme}://${location.host}/api/stations/${name}/live?language=${language}`);
     socket.onopen = () => {
       wait = FIRST;
       tell("line", true);

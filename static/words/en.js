@@ -1,4 +1,4 @@
-/** Every text of the pages in English, by key; {names} are filled in. The login page, which stands alone, has its own. */
+/** Every text of the pages in English, by key; {names} are filled in. */
 export default {
   locale: "en-GB",
   loading: "Loading…",
@@ -17,6 +17,11 @@ export default {
   "nav.patients": "Patients",
   "nav.help": "Help",
   "nav.logout": "Log out",
+  "nav.language": "Language",
+  "nav.theme": "Brightness",
+  "theme.auto": "As the device",
+  "theme.light": "Light",
+  "theme.dark": "Dark",
   "error.unreachable": "Handscope does not answer. Is it still running on this computer? Nothing was changed; try again.",
   "error.unreadable": "Handscope gave an answer that this page cannot read. Reload the page and try again.",
   "missing.title": "There is no such page",
@@ -244,6 +249,8 @@ export default {
   "progress.running": "This takes a few seconds. The page shows the results by itself.",
   "progress.queued": "Waiting for its turn…",
   "downloads.pdf": "Report (PDF)",
+  "downloads.html": "Report as a web page (HTML)",
+  "downloads.letter": "Report on US Letter (PDF)",
   "downloads.replay": "Replay in 3-D",
   "downloads.more": "Tables and data",
   "downloads.csv": "Figures (CSV)",
@@ -690,4 +697,18 @@ export default {
   "help.care": "Please mind",
   "help.care.text":
     "Stop when a movement hurts. Do not use the glove on open wounds or unhealed fractures and tendon repairs without clearance for active motion. Clean the glove between patients.",
+
+  "login.title": "Log in",
+  "login.lead": "Handscope lets in only browsers that know a one-time code.",
+  "login.used": "The address that you opened was used before, or is too old. Ask for a new one as described below.",
+  "login.code": "One-time code",
+  "login.hint": "Paste the code, or the whole address that the program printed.",
+  "login.send": "Log in",
+  "login.where": "Where do I find the code?",
+  "login.where_text":
+    "Whoever started Handscope on this computer saw an address with a code. For a new one, open a terminal on that computer and type:",
+  "login.command": "handscope login",
+  "login.missing": "Type or paste the code first.",
+  "login.unreachable": "Handscope does not answer. Is it still running on the computer?",
+  "login.refused": "The code could not be checked. Try again.",
 };

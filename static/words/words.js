@@ -1,7 +1,8 @@
-/** Words of the pages: `t` gives a text of the language in use, with {names} filled in; another language is one more dictionary. */
+/** Words of the pages: `t` gives a text of the language in use, with {names} filled in; what a language lacks is said in English. */
 import en from "./en.js";
+import { language } from "./languages.js";
 
-const words = en;
+const words = language === "en" ? en : { ...en, ...(await import(`./${language}.js`)).default };
 
 export function t(key, values = {}) {
   const text = words[key];

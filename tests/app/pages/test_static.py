@@ -13,6 +13,8 @@ MODULES = sorted(p for p in ROOT.rglob("*.js") if "vendor" not in p.parts)
 STYLES = sorted(p for p in ROOT.rglob("*.css") if "vendor" not in p.parts)
 DOCUMENTS = sorted(ROOT.rglob("*.html"))
 WORDS = ROOT / "words" / "en.js"
+OTHERS = sorted(p for p in (ROOT / "words").glob("??.js") if p != WORDS)
+GAP = re.compile(r"\{(\w+)\}")
 PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
 NOT_MOUNTED = {
     "replay_focus.js",
@@ -33,7 +35,7 @@ def name(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("path", [p for p in MODULES if p != WORDS], ids=name)
+@pytest.mark.parametrize("path", [p for p in MODULES if p not in (WORDS, *OTHERS)], ids=name)
 def test_a_module_is_short_and_says_what_it_is(path: Path) -> None:
     lines = path.read_text("utf-8").splitlines()
     assert len(lines) < 150
@@ -80,7 +82,12 @@ def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
 
     page = ROOT / "login"
     needed = re.findall(r"(?:src|href)=\"([^\"]+)\"", (page / "index.html").read_text("utf-8"))
-    needed += [f"/static/login/{n}" for n in re.findall(r"from \"\./([^\"]+)\"", (page / "login.js").read_text("utf-8"))]
+    modules, k = [page / "login.js"], 0
+    while k < len(modules):  # and what they import in their turn
+        text = modules[k].read_text("utf-8")
+        found = [(modules[k].parent / n).resolve() for n in re.findall(r"(?:from|import\() ?\"(\.[^\"]+)\"", text)]
+        modules, k = [*modules, *(m for m in found if m not in modules)], k + 1
+    needed += [f"/static/{m.relative_to(ROOT).as_posix()}" for m in (*modules, *OTHERS)]
     assert [n for n in needed if n not in OPEN_FILES and not n.startswith(OPEN_FOLDERS)] == []
     assert len(needed) > 4
 
@@ -94,18 +101,18 @@ def test_every_address_between_the_files_leads_somewhere() -> None:
             assert (ROOT / target).is_file(), f"{name(path)} names {target}"
 
 
-def _dictionary() -> dict[str, str]:
-    found = re.findall(r"^  \"?([\w.]+)\"?:\s+\"((?:[^\"\\]|\\.)*)\",$", WORDS.read_text("utf-8"), re.MULTILINE)
+def _dictionary(file: Path = WORDS) -> dict[str, str]:
+    found = re.findall(r"^  \"?([\w.]+)\"?:\s+\"((?:[^\"\\]|\\.)*)\",$", file.read_text("utf-8"), re.MULTILINE)
     keys = [key for key, _ in found]
     assert len(keys) == len(set(keys)), "a key stands twice"
-    assert len(keys) == WORDS.read_text("utf-8").count('",\n'), "a line is not of the form key: text"
+    assert len(keys) == file.read_text("utf-8").count('",\n'), "a line is not of the form key: text"
     return dict(found)
 
 
 def _used() -> Iterator[tuple[str, str]]:
     """Keys named in the modules, as regular expressions: `hand.${side}` is hand\\.[^.]+ (a part may hold dots itself)."""
     for path in MODULES:
-        if path.parent.name in ("words", "login") and path.name != "clinical.js":
+        if path.parent.name == "words" and path.name != "clinical.js":
             continue
         text = path.read_text("utf-8")
         for key in re.findall(r"\b(?:t|known)\(\s*(?:\"([\w.]+)\"|`([^`]+)`)", text):
@@ -131,3 +138,16 @@ def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() ->
     assert [k for k in lacking if not re.search(r"\.(js|css|svg|zip|csv|json|pdf)$", k[1].replace("\\", ""))] == []
     patterns = [re.compile(key) for _, key in used]
     assert [word for word in words if word != "locale" and not any(p.fullmatch(word) for p in patterns)] == []
+
+
+@pytest.mark.parametrize("path", OTHERS, ids=name)
+def test_every_language_has_every_text_with_the_same_gaps(path: Path) -> None:
+    words, english = _dictionary(path), _dictionary()
+    assert [key for key in words if key not in english] == []
+    assert [key for key in english if key not in words] == []
+    assert [key for key in english if sorted(GAP.findall(words[key])) != sorted(GAP.findall(english[key]))] == []
+
+
+def test_every_language_can_be_chosen() -> None:
+    listed = re.findall(r"(\w\w): \"", re.search(r"LANGUAGES = \{(.*)\}", (ROOT / "words" / "languages.js").read_text("utf-8"))[1])  # type: ignore[index]
+    assert sorted(listed) == sorted(p.stem for p in (WORDS, *OTHERS))
