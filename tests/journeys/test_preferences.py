@@ -1,6 +1,5 @@
 """Language and brightness are chosen in the header and kept in the browser; reports follow the page's language."""
 
-import re
 from collections.abc import Callable
 
 import pytest
@@ -19,7 +18,7 @@ def test_german_is_chosen_once_and_kept_and_reports_follow_it(another_page: Call
     shown(page.get_by_role("heading", name="Patienten"))
     assert page.locator("html").get_attribute("lang") == "de"
     page.goto(f"{server.base}/patients/1")
-    shown(page.get_by_role("radio", name=re.compile("links")))
+    shown(page.get_by_role("radio", name="Linke Hand"))
     looked_at(page, "patient in German")
     keep_picture(page, "patient-de")
     page.goto(f"{server.base}/sessions/{processed}")
