@@ -1,7 +1,7 @@
 /** A figure's course in words: what it is, its value, how it changed. */
 import { DECIMALS } from "../session/tapping.js";
-import { angleWords, directionWords, jointWords } from "../words/clinical.js";
-import { known, t } from "../words/words.js";
+import { angleWords, directionWords, jointWords, unitWords } from "../words/clinical.js";
+import { decimal, known, t } from "../words/words.js";
 
 /** The finger or the wrist that a figure is of; "all" where it is of none. */
 export const partOf = (series) => series.joint.split("_")[0] || "all";
@@ -37,5 +37,5 @@ export function changeWords(series, chosen) {
 
 function withUnit(series, value) {
   if (series.joint) return `${Math.round(value)}°`;
-  return `${value.toFixed(DECIMALS[series.name.replace("tapping_", "")] ?? 1)} ${series.unit}`.trim();
+  return `${decimal(value, DECIMALS[series.name.replace("tapping_", "")] ?? 1)} ${unitWords(series.unit)}`.trim();
 }

@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { legend } from "../plots/legend.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
 
 export function mount(root, api, { told, what, names }) {
   const [both, apart] = [h("div", { class: "tall" }), h("div", { class: "short" })];
@@ -38,12 +38,12 @@ const unitOf = (told) => (told.unit === "deg" ? "°" : ` ${told.unit}`);
 
 /** A direction in words, never a bare minus. */
 function apartWords(value, unit) {
-  const size = `${Number(Math.abs(value).toFixed(1))}${unit}`;
+  const size = `${decimal(Math.abs(value), 1).replace(/\D0$/, "")}${unit}`;
   return value ? t(value > 0 ? "compare.above" : "compare.below", { size }) : size;
 }
 
 function agreement(told) {
-  const rows = ["drms", "drms_minus_offset", "rom_a", "rom_b"].map((name) => [name, `${told[name].toFixed(1)}${unitOf(told)}`]);
+  const rows = ["drms", "drms_minus_offset", "rom_a", "rom_b"].map((name) => [name, `${decimal(told[name], 1)}${unitOf(told)}`]);
   rows.splice(1, 0, ["offset", apartWords(Number(told.offset.toFixed(1)), unitOf(told))]);
   return h(
     "dl",

@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
-import { known, t } from "../words/words.js";
+import { decimal, known, t } from "../words/words.js";
 
 export const DECIMALS = {
   count: 0,
@@ -105,8 +105,11 @@ function labelOf(figure) {
 
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
-  const size = Math.abs(figure.value).toFixed(DECIMALS[shortOf(figure)] ?? 2);
-  if (CHANGES.includes(shortOf(figure)))
-    return Number(size) === 0 ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
+  const digits = DECIMALS[shortOf(figure)] ?? 2;
+  const size = decimal(Math.abs(figure.value), digits);
+  if (CHANGES.includes(shortOf(figure))) {
+    const none = Number(figure.value.toFixed(digits)) === 0;
+    return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
+  }
   return `${size} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit}`.trim();
 }

@@ -3,6 +3,11 @@ import { known, t } from "./words.js";
 
 const PLAIN = { aperture: (value) => `${value} mm`, palm_turn: (value) => `${value}°` }; // curves that are no joint's angle
 
+/** A unit as people read it. */
+export function unitWords(unit) {
+  return known(`unit.${unit.replaceAll(" ", "_")}`, unit);
+}
+
 /** "index_pip" as { finger: "Index finger", joint: "PIP" }. */
 export function jointWords(joint) {
   const [finger, name = ""] = joint.split("_");

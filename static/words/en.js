@@ -316,6 +316,8 @@ export default {
   "tapping.smaller": "{size} {unit} smaller",
   "tapping.larger": "{size} {unit} larger",
   "tapping.same": "no change",
+  "unit.per_s": "per s",
+  "unit.deg": "deg",
   "unit.per_second": "per second",
   "unit.per_second_of": "{rate} per s",
 

@@ -7,7 +7,7 @@ const words = language === "en" ? en : { ...en, ...(await import(`./${language}.
 export function t(key, values = {}) {
   const text = words[key];
   if (text === undefined) throw new Error(`there are no words for ${key}`);
-  return text.replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
+  return text.replace(/\{(\w+)\}/g, (whole, name) => localised(values[name] ?? whole));
 }
 
 /** A text where there is one, else `otherwise`. */
@@ -21,6 +21,7 @@ export function counted(key, count) {
 }
 
 const locale = words["locale"];
+const POINT = (1.5).toLocaleString(locale).charAt(1);
 const dayForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "long", year: "numeric" });
 const timeForm = new Intl.DateTimeFormat(locale, { hour: "2-digit", minute: "2-digit" });
 const wholeForm = new Intl.NumberFormat(locale);
@@ -31,7 +32,14 @@ export const day = (moment) => dayForm.format(new Date(moment));
 export const shortDay = (moment) => shortForm.format(new Date(moment));
 export const time = (moment) => timeForm.format(new Date(moment));
 export const dayAndTime = (moment) => `${day(moment)}, ${time(moment)}`;
+/** A number with so many decimals. */
+export const decimal = (value, digits) => localised(Number(value).toFixed(digits));
 export const whole = (number) => wholeForm.format(number);
+
+/** A number with a decimal point in the form of the language: 2.5 is 2,5 in German. */
+function localised(value) {
+  return POINT !== "." && /^-?\d+\.\d+$/.test(value) ? String(value).replace(".", POINT) : value;
+}
 
 /** Seconds as "0:07" or "12:30". */
 export function clock(seconds) {
