@@ -9,23 +9,21 @@ Source  at least three repetitions, active or passive (VA worksheet DVBCHTF1); "
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENT
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
+from estimators.measures.held import held, usable_in, window_of, within
 from estimators.measures.shown import NOTHING, Shown
 from estimators.options import option
-from estimators.quaternions import Array
-from estimators.trajectory import Flag, Trajectory
+from estimators.trajectory import Trajectory
 
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
-UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
 WORDS = {"max": "the largest {} held", "min": "the smallest {} held", "range": "from the smallest to the largest {} held"}
 KINDS = kinds(*(Kind(f"{a}_{end}", "rad", words.format(a), SOURCE) for a in ANGLES for end, words in WORDS.items()))
-ELSEWHERE = frozenset({"tremor", "check", "pinch", "reach"})  # tasks that move joints little, or not for their range
+ELSEWHERE = frozenset({"tremor", "check", "selfcheck", "pinch", "pinches", "reach"})  # tasks that move joints little, or not for their range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,21 +67,20 @@ def measure(
     asked: Asked = UNKNOWN,
 ) -> list[Range]:
     """Ranges within [onset, end] of all joints that were measured there; unusable samples are left out of the extremes."""
-    part = trajectory.between(onset, np.nextafter(end, np.inf))
+    part = within(trajectory, onset, end)
     if len(part) < 3:
         return []
-    period = float(np.median(np.diff(part.t)))
-    window = max(1, round(params.hold / period)) | 1
+    window = window_of(part.t, params.hold)
     found = []
     for j, joint in enumerate(JOINTS):
-        flags = part.flags[:, [SEGMENT[joint.parent], SEGMENT[joint.child]]]
-        usable = ((flags & UNUSABLE) == 0).all(axis=1)
+        segments = [SEGMENT[joint.parent], SEGMENT[joint.child]]
+        flags, usable = part.flags[:, segments], usable_in(part, segments)
         for a in joint.dofs:
-            held = _held(part.angles[:, j, a], usable, window)
-            if held is None:
+            kept = held(part.angles[:, j, a], usable, window)
+            if kept is None:
                 continue
-            high, low = int(np.nanargmax(held)), int(np.nanargmin(held))
-            ends = (float(held[high]), float(held[low]), float(part.t[high]), float(part.t[low]))
+            high, low = int(np.nanargmax(kept)), int(np.nanargmin(kept))
+            ends = (float(kept[high]), float(kept[low]), float(part.t[high]), float(part.t[low]))
             sds = (None, None) if part.angles_sd is None else (float(part.angles_sd[high, j, a]), float(part.angles_sd[low, j, a]))
             found.append(Range(joint.name, ANGLES[a], *ends, *grade_of(flags), *sds))
     return found
@@ -102,14 +99,3 @@ def figures(ranges: list[Range]) -> list[Figure]:
 def shown(ranges: list[Range]) -> Shown:
     """Nothing: a page has the angles themselves."""
     return NOTHING
-
-
-def _held(angle: Array, usable: np.ndarray, window: int) -> Array | None:
-    """The running median over usable samples, NaN where the window is not full; None where there are too few."""
-    good = np.flatnonzero(usable & np.isfinite(angle))
-    if len(good) < window:
-        return None
-    held, half = np.full(len(angle), np.nan), window // 2
-    full = slice(half, len(good) - half)
-    held[good[full]] = median_filter(angle[good], size=window)[full]
-    return held

@@ -9,7 +9,7 @@ Source  cycles.py and cycle_figures.py. The angle in rad is how far thumb and in
 Limits  a tap smaller than a quarter of the trial's range is none
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def of_rates(t: Array, thumb: Array, index: Array, params: Params | None = None,
     """Taps in the angular rates of thumb and index finger, rad/s: (n, 3) as the gyroscopes read, or (n,) about the joints' axis, opening positive."""
     params = params or Params()
     opening = opening_of_rates(params, t, thumb, index)
-    return _of_signal(params, opening.t, opening.gapped, "rad", sd)
+    return _of_signal(replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd)  # the rates were filtered
 
 
 def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Even:
@@ -288,9 +288,8 @@ def _distance_sd(part: Trajectory, apart: Array) -> float | None:
 
 
 def _angle_sd(part: Trajectory) -> float | None:
-    """Of the turn against each other: all flexions of both fingers."""
+    """Of the turn against each other: of both last phalanges as of the flexions of their fingers, independent."""
     if part.angles_sd is None:
         return None
-    joints = [JOINT[j] for f in ("thumb", "index") for j in FINGER_JOINTS[f]]
-    squares = (part.angles_sd[:, joints, FLEXION] ** 2).mean(axis=0)
-    return float(np.sqrt(squares.sum()))
+    joints = {f: [JOINT[j] for j in FINGER_JOINTS[f]] for f in ("thumb", "index")}
+    return float(np.sqrt(sum((part.angles_sd[:, joints[f], FLEXION] ** 2).mean() for f in joints)))

@@ -25,7 +25,7 @@ def test_a_session_is_gathered_whole() -> None:
     assert stream.samples == len(recording.samples["imu"].t)
     assert c.calibrations[0].sensors == processed.calibrations[0].quality
     assert [t.result for t in c.tasks] == list(results)
-    assert [t.result.task for t in c.tasks] == [*ROM, "tapping"]
+    assert list(dict.fromkeys(t.result.task for t in c.tasks)) == [*ROM, "tapping"]
 
 
 def test_only_options_that_differ_from_their_default_are_listed() -> None:

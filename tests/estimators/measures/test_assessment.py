@@ -5,7 +5,8 @@ import pytest
 
 from estimators.hand_geometry import sized
 from estimators.measures import MEASURES
-from estimators.measures.assessment import assess
+from estimators.measures.asked import Asked
+from estimators.measures.assessment import assess, measures_of
 from estimators.measures.figure import grade_of
 from estimators.options import describe
 from estimators.samples import Event
@@ -85,5 +86,49 @@ def test_every_measure_has_a_title_documented_options_and_a_source(name: str) ->
     assert all(o.meaning and o.source for o in describe(module.Params))
     figures = module.figures(module.measure(module.Params(), pose_and_wiggle("left").truth, 6.0, 14.0))
     assert figures
-    assert all(f.source and f.unit for f in figures)
+    assert all(f.source and f.unit and f.meaning for f in figures)
+    assert all(f.what in module.KINDS and f.name == "_".join(filter(None, [f.part, f.what])) for f in figures)
     assert len({f.name for f in figures}) == len(figures)
+
+
+def test_the_events_detail_measures_overrules_the_tasks_name() -> None:
+    recording = _recording()
+    for named in ("tapping", ["tapping"], "tapping, tremor"):
+        events = [Event(e.onset, e.duration, e.trial_type, {**e.details, "measures": named}) for e in recording.events]
+        found = {(r.task, r.measure) for r in assess(recording.truth, events)}
+        assert {("tapping", "tapping"), ("wiggle", "tapping")} <= found
+        assert not any(m == "range_of_motion" for _, m in found)
+
+
+@pytest.mark.parametrize(
+    ("task", "measures"),
+    [
+        ("rom_fist", {"range_of_motion", "total_active_motion"}),
+        ("prom_thumb_palmar", {"range_of_motion", "thumb_abduction"}),
+        ("rom_spread", {"range_of_motion", "finger_spread"}),
+        ("rom_forearm", {"range_of_motion", "forearm_rotation"}),
+        ("kapandji", {"range_of_motion", "kapandji"}),
+        ("tapping_30", {"tapping"}),
+        ("powerglove_11_tapping", {"tapping"}),
+        ("powerglove_13_open_close", {"range_of_motion", "open_close"}),
+        ("pronation_supination", {"range_of_motion", "pronation_supination"}),
+        ("circular_pointing", {"range_of_motion", "circles"}),
+        ("finger_independence", {"range_of_motion", "independence"}),
+        ("pinches", {"pinch"}),
+        ("selfcheck_p3", {"self_check"}),
+        ("tremor_posture", {"tremor"}),
+        ("reach", {"reach"}),
+        ("repeatability_flat", {"range_of_motion"}),
+    ],
+)
+def test_tasks_are_given_their_measures_by_name(task: str, measures: set[str]) -> None:
+    assert set(measures_of(Asked(task))) == measures
+
+
+@pytest.mark.parametrize("task", ["rom_fist", "tapping", "finger_independence", "tremor_rest", "reach", "pronation_supination"])
+def test_every_figure_that_has_a_value_has_a_standard_deviation_and_a_reason_where_it_is_not_good(task: str) -> None:
+    recording = simulate([task], "left", sized("left"), np.random.default_rng(1), IDEAL)
+    figures = [f for r in assess(recording.truth, recording.events, recording.geometry) for f in r.figures]
+    assert [f.name for f in figures if np.isfinite(f.value) and f.sd is None] == []
+    assert [f.name for f in figures if f.grade != "good" and not f.reason] == []
+    assert [f.name for f in figures if np.isnan(f.value) and (f.grade != "poor" or f.sd is not None)] == []

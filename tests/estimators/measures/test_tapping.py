@@ -63,7 +63,7 @@ def test_known_taps_are_found_with_their_times_amplitudes_and_speeds(drawn: list
     peaks = np.pi * amplitudes / intervals
     np.testing.assert_allclose(found.opening_speeds, peaks, rtol=0.05)
     np.testing.assert_allclose(found.closing_speeds, peaks, rtol=0.05)
-    assert found.rate == pytest.approx(len(amplitudes) / intervals.sum(), rel=0.02)
+    assert found.rate == pytest.approx(len(amplitudes) / intervals.sum(), rel=0.01 + 2 / RATE / intervals.sum())  # a sample at either end
     assert found.grade == "good"
 
 

@@ -1,0 +1,127 @@
+"""Circles drawn in the air with a straight index finger, from the knuckle: flexion against deviation.
+
+In      a trajectory and the stretch of time of the task; or two angles (n,) in rad: `of_angles`
+Out     turns, rate, half axes of the mean ellipse, its roundness, how far single turns leave it
+Source  task: Kortier, thesis Table 3.1, no. 15; ellipse from the covariance of both angles (a point that runs evenly round an ellipse has half its squared half axes as
+        variances), rate from the angle about its centre: ours
+Limits  the half axes are those of an ellipse run through evenly
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.hand_anatomy import DEVIATION, FLEXION, JOINT, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
+from estimators.measures.held import within
+from estimators.measures.shown import Curve, Shown
+from estimators.measures.signals import even
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Circles with the index finger"
+SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covariance"
+KINDS = kinds(
+    Kind("circles_count", "1", "whole turns about the middle of the movement", SOURCE),
+    Kind("circles_rate", "Hz", "turns per second", SOURCE),
+    Kind("circles_long", "rad", "longer half axis of the mean ellipse of flexion and deviation", SOURCE),
+    Kind("circles_short", "rad", "shorter half axis of that ellipse", SOURCE),
+    Kind("circles_roundness", "1", "shorter over longer half axis: 1 is a circle", SOURCE),
+    Kind("circles_scatter_share", "1", "rms distance from the mean ellipse, in shares of its size", SOURCE),
+)
+PART = "index_mcp"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours", least=1.0)
+    smallest: float = option(0.035, "rad", "a half axis below this is no circle", "ours: 2 deg, the methods' error")
+
+
+@dataclass(frozen=True)
+class Circles:
+    turns: float  # NaN where not measured
+    rate: float  # Hz
+    long: float  # rad
+    short: float
+    scatter: float
+    sd: float | None  # rad, of one angle
+    grade: Grade
+    reason: str
+    curves: tuple[Curve, ...] = ()
+
+
+def applies(task_name: str) -> bool:
+    return bool(words_of(task_name) & {"circle", "circles", "circular"})
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Circles:
+    """Of the index finger's MCP joint."""
+    part = within(trajectory, onset, end)
+    angles = part.angles[:, JOINT[PART]]
+    if len(part) < 3 or np.isfinite(angles[:, [FLEXION, DEVIATION]]).all(axis=1).sum() < 3:
+        return _nothing("the index finger was not measured")
+    sd = None if part.angles_sd is None else float(np.sqrt(np.nanmean(part.angles_sd[:, JOINT[PART], [FLEXION, DEVIATION]] ** 2)))
+    graded = grade_of(part.flags[:, [SEGMENT["hand"], SEGMENT["index_proximal"]]])
+    return of_angles(part.t, angles[:, FLEXION], angles[:, DEVIATION], params, sd, graded)
+
+
+def of_angles(
+    t: Array,
+    flexion: Array,
+    deviation: Array,
+    params: Params | None = None,
+    sd: float | None = None,
+    graded: tuple[Grade, str] = ("good", ""),
+) -> Circles:
+    """Circles in two angles (n,) in rad at times t (n,) s."""
+    params = params or Params()
+    signals = [even(t, a, lowpass=params.lowpass) for a in (flexion, deviation)]
+    n = min(len(s.t) for s in signals)
+    xy = np.array([s.values[:n] - s.values[:n].mean() for s in signals])
+    sizes, axes = np.linalg.eigh(np.cov(xy))
+    short, long = (float(np.sqrt(2 * max(v, 0.0))) for v in sizes)
+    curves = tuple(Curve(f"{PART}_{name}", "rad", s.t, s.values) for name, s in zip(("flexion", "deviation"), signals))
+    if short < params.smallest:
+        return Circles(0.0, np.nan, long, short, np.nan, sd, "poor", "no circle: the finger moved along a line, or hardly", curves)
+    unit = axes.T @ xy / np.array([[short], [long]])  # on the mean ellipse of length 1
+    turned = np.unwrap(np.arctan2(unit[1], unit[0]))
+    turns = abs(float(turned[-1] - turned[0])) / (2 * np.pi)
+    duration = float(signals[0].t[n - 1] - signals[0].t[0])
+    scatter = float(np.sqrt(np.mean((np.linalg.norm(unit, axis=0) - 1) ** 2)))
+    return Circles(turns, turns / duration, long, short, scatter, sd, *graded, curves)
+
+
+def figures(c: Circles) -> list[Figure]:
+    """The flat list of figures; both half axes have an angle's error at either end, independent."""
+    told, axis_sd = (c.grade, c.reason), None if c.sd is None else c.sd / np.sqrt(2.0)
+    round_sd = None if axis_sd is None or not c.long > 0 else float(axis_sd / c.long * np.hypot(1.0, c.short / c.long))
+    scatter_sd = c.scatter / np.sqrt(2 * max(c.turns, 1.0)) if np.isfinite(c.scatter) else None
+    rows: dict[str, tuple[float, float | None]] = {
+        "circles_count": (float(np.floor(c.turns + 0.05)) if np.isfinite(c.turns) else np.nan, 0.0),
+        "circles_rate": (c.rate, c.rate / max(c.turns, 1.0) * c.scatter / (2 * np.pi) if np.isfinite(c.rate) else None),
+        "circles_long": (c.long, axis_sd),
+        "circles_short": (c.short, axis_sd),
+        "circles_roundness": (c.short / c.long if c.long > 0 else np.nan, round_sd),
+        "circles_scatter_share": (c.scatter, scatter_sd),
+    }
+    return [KINDS[what].of(value, sd, *told, PART) for what, (value, sd) in rows.items()]
+
+
+def shown(c: Circles) -> Shown:
+    """Both angles over time."""
+    return Shown(c.curves)
+
+
+def _nothing(reason: str) -> Circles:
+    return Circles(np.nan, np.nan, np.nan, np.nan, np.nan, None, "poor", reason)

@@ -1,0 +1,99 @@
+"""Fingertips that touch or hold something: the distance between points on their skin, and its error where the true one is known.
+
+In      a trajectory, the stretch of time of the task, the hand's geometry, which points are meant and how far apart they truly are
+Out     of every pair: distance over time; smallest and largest that were held; against a known distance mean error and RMSE
+Source  Salchow-Hoemmen 2019, (30), (31), Fig. 10 and Table 5 (P1 to P4); the task's details hold `contacts` ("thumb_bottom-index_bottom ...") and `distances_mm`
+Limits  where a finger touches is never known to better than some millimetres; widths of fingertips are an adult's (fingertips.py)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.fingertips import FINGERTIPS, POINTS, contact_points_of
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import Asked
+from estimators.measures.figure import Grade
+from estimators.measures.held import graded
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two points on skin; `distance` in m where it is known."""
+
+    a: tuple[str, str]  # finger, point of fingertips.POINTS
+    b: tuple[str, str]
+    distance: float | None = None
+
+    @property
+    def part(self) -> str:
+        return f"{self.a[0]}_{self.b[0]}"
+
+
+@dataclass(frozen=True)
+class Touched:
+    """One pair over a task; without a geometry the points are the ends of the bones."""
+
+    contact: Contact
+    t: Array  # (n,) s
+    distance: Array  # (n,) m, NaN where not known
+    sd: float | None  # m
+    on_skin: bool
+    grade: Grade
+    reason: str
+
+
+def contacts_of(asked: Asked) -> list[Contact]:
+    """What the task's details say; none where they say nothing that can be read."""
+    words = str(asked.details.get("contacts") or "").split()
+    millimetres = [_number(v) for v in str(asked.details.get("distances_mm") or "").split()]
+    found = []
+    for k, word in enumerate(words):
+        ends = [tuple(end.split("_")) for end in word.split("-")]
+        if len(ends) == 2 and all(len(e) == 2 and e[0] in FINGERS and e[1] in POINTS for e in ends):
+            (a, p), (b, q) = ends
+            known = millimetres[k] if k < len(millimetres) else None
+            found.append(Contact((a, p), (b, q), None if known is None else 1e-3 * known))
+    return found
+
+
+def touched(contact: Contact, part: Trajectory, geometry: HandGeometry | None) -> Touched:
+    """The distance of a pair over the task."""
+    fingers = (contact.a[0], contact.b[0])
+    segments = [SEGMENT["hand"], *(SEGMENT[s] for f in fingers for s in CHAINS[f])]
+    numbers = [FINGERS.index(f) for f in fingers]
+    points = [part.tips[:, k] for k in numbers]
+    if geometry is not None and len(part):
+        points = [contact_points_of(part, geometry, f, p, FINGERTIPS[f]) for f, p in (contact.a, contact.b)]
+    apart = points[0] - points[1]
+    distance = np.sqrt((apart**2).sum(axis=-1))
+    sd = None
+    if part.tips_sd is not None and len(part):
+        both = np.sqrt((part.tips_sd[:, numbers] ** 2).sum(axis=1).mean(axis=-1))  # of each coordinate, both fingers
+        sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
+    if np.isfinite(distance).sum() < 3:
+        return Touched(contact, part.t, distance, None, geometry is not None, "poor", f"{' or '.join(fingers)} not measured")
+    return Touched(contact, part.t, distance, sd, geometry is not None, *graded(part, segments))
+
+
+def errors(distance: Array, true: float) -> Mapping[str, float]:
+    """Mean, standard deviation and root mean square of a distance's errors (n,), m; NaN left out."""
+    off = np.asarray(distance, float) - true
+    off = off[np.isfinite(off)]
+    if not len(off):
+        return {"mean": np.nan, "sd": np.nan, "rmse": np.nan}
+    return {"mean": float(off.mean()), "sd": float(off.std(ddof=1)) if len(off) > 1 else 0.0, "rmse": float(np.sqrt((off**2).mean()))}
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) and value >= 0 else None

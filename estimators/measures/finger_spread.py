@@ -1,0 +1,70 @@
+"""How far neighbouring fingers spread.
+
+In      a trajectory and the stretch of time of the task
+Out     the largest angle between neighbours that was held, rad, and from index to little finger
+Source  between neighbours: Chatzioglou 2024 (Anat Cell Biol 57:172), there from a photograph; here from the deviations of the MCP joints
+Limits  zero is fingers parallel in the initial pose: what a hand has between its fingers then is not counted
+"""
+
+from estimators.hand_anatomy import DEVIATION, FINGERS
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import held_angles
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Kind, kinds
+from estimators.measures.held_angles import Angle, Params, Reached, joint_angle
+from estimators.measures.shown import Shown
+from estimators.trajectory import Trajectory
+
+TITLE = "Finger spread"
+SOURCE = "Chatzioglou 2024 (Anat Cell Biol 57:172)"
+KINDS = kinds(
+    Kind("spread", "rad", "largest angle between the two fingers, sideways", SOURCE),
+    Kind(
+        "whole_spread",
+        "rad",
+        "largest angle from the index to the little finger, sideways",
+        "ours: the spreads of all neighbours at one instant",
+    ),
+)
+
+__all__ = ["Params", "applies", "figures", "measure", "shown"]
+
+
+def applies(task_name: str) -> bool:
+    return "spread" in words_of(task_name)
+
+
+def angles(moved: Trajectory) -> list[Angle]:
+    """The ulnar finger's deviation less the radial one's."""
+    pairs = [*zip(FINGERS[1:-1], FINGERS[2:]), (FINGERS[1], FINGERS[-1])]
+    return [
+        joint_angle(
+            KINDS["whole_spread" if (a, b) == pairs[-1] else "spread"],
+            f"{a}_{b}",
+            moved,
+            [(f"{b}_mcp", DEVIATION, 1.0), (f"{a}_mcp", DEVIATION, -1.0)],
+        )
+        for a, b in pairs
+    ]
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Reached]:
+    """Of the fingers that were measured."""
+    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+
+
+def figures(reached: list[Reached]) -> list[Figure]:
+    """The flat list of figures."""
+    return held_angles.figures_of(reached)
+
+
+def shown(reached: list[Reached]) -> Shown:
+    """The angles over time."""
+    return held_angles.shown_of(reached)

@@ -1,0 +1,72 @@
+"""How far the palm turns up and down.
+
+In      a trajectory and the stretch of time of the task
+Out     supination and pronation from the thumb pointing up, and from one end to the other, rad, each held
+Source  neutral is the thumb up, elbow at the side (AAOS, Norkin App. A); which way the palm faces is read against gravity: ours
+Limits  the hand's long axis must not stand upright; what the shoulder adds is not told apart
+"""
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import SEGMENT, side_sign
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import held_angles
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Kind, kinds
+from estimators.measures.held_angles import Angle, Params, Reached
+from estimators.measures.shown import Shown
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Turning the forearm"
+SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"
+KINDS = kinds(
+    Kind("supination", "rad", "largest turn of the palm upwards from the thumb pointing up", SOURCE),
+    Kind("pronation", "rad", "largest turn of the palm downwards from the thumb pointing up", SOURCE),
+)
+THUMB_DOWN = -120.0 * np.pi / 180  # that nobody turns to from above
+INCLINATION = 1.7 * np.pi / 180  # rad, of the hand's inclination: the worst of ten real trials (docs/reproduction.md, BROAD)
+
+__all__ = ["Params", "applies", "figures", "measure", "shown"]
+
+
+def applies(task_name: str) -> bool:
+    words = words_of(task_name)
+    return "forearm" in words and bool(words & {"rom", "prom"})
+
+
+def palm_turn(moved: Trajectory) -> Array:
+    """How far the palm is turned up about the hand's long axis (n,), rad: 0 palm down, pi/2 thumb up, up to pi palm up, negative thumb down."""
+    up = quat.rotate(quat.conjugate(moved.q_GS[:, SEGMENT["hand"]]), np.array([0.0, 0.0, 1.0]))
+    turned = np.arctan2(-side_sign(moved.hand) * up[:, 2], side_sign(moved.hand) * up[:, 0])
+    return np.where(turned < THUMB_DOWN, turned + 2 * np.pi, turned)
+
+
+def angles(moved: Trajectory) -> list[Angle]:
+    """Both ways from the thumb up."""
+    up = palm_turn(moved) - np.pi / 2
+    sd = np.full(len(up), INCLINATION)
+    return [Angle(KINDS["supination"], "", up, sd, [SEGMENT["hand"]]), Angle(KINDS["pronation"], "", -up, sd, [SEGMENT["hand"]])]
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Reached]:
+    """Of the hand, where it was measured."""
+    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+
+
+def figures(reached: list[Reached]) -> list[Figure]:
+    """The flat list of figures."""
+    return held_angles.figures_of(reached)
+
+
+def shown(reached: list[Reached]) -> Shown:
+    """The angles over time."""
+    return held_angles.shown_of(reached)

@@ -1,0 +1,72 @@
+"""Opening and closing the hand again and again, in the same terms as finger tapping.
+
+In      a trajectory and the stretch of time of the trial; or a mean flexion (n,) in rad: `of_flexion`
+Out     cycles from fist to fist: count, rate, intervals, amplitude, speeds, decrement, fatigue, interruptions, freezes
+Source  movement: MDS-UPDRS item 3.5 (never its score); the angle is how far the fingers are open: the flexions of MCP, PIP and DIP of a finger added up, the mean over
+        index to little finger, with the sign turned: ours; the rest cycles.py and cycle_figures.py
+"""
+
+import numpy as np
+
+from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import repeated
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.cycles import Params
+from estimators.measures.figure import Figure, grade_of
+from estimators.measures.held import within
+from estimators.measures.repeated import Repeated, Words
+from estimators.measures.shown import Shown
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Opening and closing the hand"
+WORDS = Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,")
+KINDS = WORDS.kinds()
+MARGIN = 0.5  # s looked at before and after the trial
+
+__all__ = ["Params", "applies", "figures", "measure", "of_flexion", "shown"]
+
+
+def applies(task_name: str) -> bool:
+    return {"open", "close"} <= words_of(task_name)
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Repeated:
+    """Fists within [onset, end], of the fingers all of whose joints are measured."""
+    part = within(trajectory, onset - MARGIN, end + MARGIN)
+    joints = {f: [JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS[1:]}
+    measured = [f for f in joints if np.isfinite(part.angles[:, joints[f], FLEXION]).all(axis=1).mean() > 0.5] if len(part) else []
+    if not measured:
+        return Repeated(params, None, (), None, "poor", "no finger measured")
+    segments = [SEGMENT["hand"], *(SEGMENT[s] for f in measured for s in CHAINS[f])]
+    inside = (part.t >= onset) & (part.t <= end)
+    flexion = np.mean([part.angles[:, joints[f], FLEXION].sum(axis=1) for f in measured], axis=0)
+    sd = None
+    if part.angles_sd is not None:
+        squares = sum((part.angles_sd[:, joints[f], FLEXION] ** 2).sum(axis=1).mean() for f in measured)
+        sd = float(np.sqrt(squares)) / len(measured)
+    return repeated.measured(params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd)
+
+
+def of_flexion(t: Array, flexion: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
+    """Fists in a flexion (n,) in rad at times t (n,) s."""
+    values = -np.asarray(flexion, float)
+    return repeated.measured(params or Params(), t, values, (-np.inf, np.inf), ("good", ""), sd)
+
+
+def figures(trial: Repeated) -> list[Figure]:
+    """The flat list of figures."""
+    return repeated.figures_of(WORDS, trial)
+
+
+def shown(trial: Repeated) -> Shown:
+    """How far the hand is open, and the amplitude of every opening."""
+    return repeated.shown_of(WORDS, trial)

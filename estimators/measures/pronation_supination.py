@@ -1,0 +1,64 @@
+"""Turning the palm up and down again and again, in the same terms as finger tapping.
+
+In      a trajectory and the stretch of time of the trial; or a turn (n,) in rad: `of_turn`
+Out     cycles from palm down to palm down: count, rate, intervals, amplitude, speeds, decrement, fatigue, interruptions, freezes
+Source  movement: MDS-UPDRS item 3.6 (never its score); the angle is which way the palm faces against gravity (forearm_rotation.py): ours; the rest cycles.py
+"""
+
+import numpy as np
+
+from estimators.hand_anatomy import SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import repeated
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.cycles import Params
+from estimators.measures.figure import Figure, grade_of
+from estimators.measures.forearm_rotation import INCLINATION, palm_turn
+from estimators.measures.held import within
+from estimators.measures.repeated import Repeated, Words
+from estimators.measures.shown import Shown
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Turning the palm up and down"
+WORDS = Words("pronation_supination", "turn", "angle by which the palm faces up")
+KINDS = WORDS.kinds()
+MARGIN = 0.5  # s looked at before and after the trial
+
+__all__ = ["Params", "applies", "figures", "measure", "of_turn", "shown"]
+
+
+def applies(task_name: str) -> bool:
+    return {"pronation", "supination"} <= words_of(task_name)
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Repeated:
+    """Turns within [onset, end]."""
+    part = within(trajectory, onset - MARGIN, end + MARGIN)
+    if not len(part):
+        return Repeated(params, None, (), None, "poor", "no samples")
+    inside = (part.t >= onset) & (part.t <= end)
+    graded = grade_of(part.flags[inside][:, [SEGMENT["hand"]]])
+    return repeated.measured(params, part.t, palm_turn(part), (onset, end), graded, INCLINATION)
+
+
+def of_turn(t: Array, turn: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
+    """Turns in an angle (n,) in rad at times t (n,) s, smallest with the palm down."""
+    return repeated.measured(params or Params(), t, turn, (-np.inf, np.inf), ("good", ""), sd)
+
+
+def figures(trial: Repeated) -> list[Figure]:
+    """The flat list of figures."""
+    return repeated.figures_of(WORDS, trial)
+
+
+def shown(trial: Repeated) -> Shown:
+    """Which way the palm faces, and the amplitude of every turn."""
+    return repeated.shown_of(WORDS, trial)

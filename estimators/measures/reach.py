@@ -1,0 +1,175 @@
+"""Reaching: how long, how smooth, and how the hand opens on the way.
+
+In      a trajectory, the stretch of time of the task; marks `reach` where it was called, else the whole stretch is one reach
+Out     means over the reaches: movement time, peak speed, when it is reached, smoothness (SPARC, LDLJ), how far the hand turned, grip aperture
+Source  start and end at 2 % of the peak speed, time to peak: drinking task (Alt Murphy; JNER 2021, 10.1186/s12984-021-00895-3, Table 2); grip aperture: Valevicius 2018
+        (PLoS ONE 0199549); SPARC and LDLJ: smoothness.py
+Limits  a glove knows no position: speed is the hand's angular speed; where the hand hardly turns, that of the fingertips against the wrist, as it opens and closes
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.hand_anatomy import FINGERS, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds, worse
+from estimators.measures.held import within
+from estimators.measures.shown import Curve, Shown
+from estimators.measures.signals import Even, even, turning
+from estimators.measures.smoothness import log_dimensionless_jerk, sparc
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Reach"
+DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"
+BALASUBRAMANIAN = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's angular speed"
+FINGERTIPS = "of the fingertips' speed against the wrist: the hand hardly turned"
+VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
+KINDS = kinds(
+    Kind("reach_count", "1", "reaches that were measured", "ours"),
+    Kind("reach_time", "s", "mean time from where the hand's angular speed rises above 2 % of its peak to where it falls below", DRINKING),
+    Kind("reach_peak_speed", "rad/s", "mean of the hand's largest angular speed", DRINKING),
+    Kind("reach_peak_share", "1", "mean share of the movement time until the peak speed", DRINKING),
+    Kind("reach_path", "rad", "mean of how far the hand turned on its way, in all", "ours: the integral of the angular speed"),
+    Kind(
+        "reach_sparc", "1", "mean spectral arc length of the hand's angular speed up to 10 Hz; nearer to zero is smoother", BALASUBRAMANIAN
+    ),
+    Kind("reach_ldlj", "1", "mean log dimensionless jerk of the hand's angular speed; nearer to zero is smoother", BALASUBRAMANIAN),
+    Kind("reach_aperture_max", "m", "mean of the largest distance between thumb and index tip on the way", VALEVICIUS),
+    Kind("reach_aperture_share", "1", "mean share of the movement time until the largest aperture", VALEVICIUS),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    threshold: float = option(0.02, "", "share of the peak speed at which a movement begins and ends", DRINKING, least=0.001, most=0.5)
+    lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours: the highest frequency of SPARC", least=2.0)
+    smallest: float = option(0.35, "rad/s", "a peak speed of the hand below this is no reach", "ours: 20 deg/s")
+    smallest_tips: float = option(
+        0.02, "m/s", "a peak speed of the fingertips below this is none", "drinking task (JNER 2021): movement units above 20 mm/s"
+    )
+    highest: float = option(10.0, "Hz", "highest frequency of SPARC", "Balasubramanian, Python; 20 in his Matlab", least=1.0)
+
+
+@dataclass(frozen=True)
+class Way:
+    """One reach."""
+
+    onset: float  # s
+    end: float  # s
+    values: dict[str, float]  # by what, without reach_
+
+
+@dataclass(frozen=True)
+class Reach:
+    ways: tuple[Way, ...]
+    relative_sd: float  # of an angular speed
+    aperture_sd: float | None  # m
+    turned: bool  # whether speed is the hand's angular speed, else that of the fingertips against the wrist
+    grade: Grade
+    reason: str
+    t: Array
+    speed: Array  # (n,) rad/s, or m/s
+
+
+def applies(task_name: str) -> bool:
+    return "reach" in words_of(task_name)
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Reach:
+    """Every reach that was called."""
+    part, none = within(trajectory, onset, end), np.empty(0)
+    q = part.q_GS[:, SEGMENT["hand"]]
+    if len(part) < 3 or np.isfinite(q).all(axis=1).sum() < 3:
+        return Reach((), 0.0, None, True, "poor", "the hand was not measured", none, none)
+    signal = even(part.t, np.linalg.norm(turning(part.t, q), axis=1), lowpass=params.lowpass)
+    tips = part.tips[:, [FINGERS.index("thumb"), FINGERS.index("index")]]
+    apart = tips[:, 0] - tips[:, 1]
+    aperture = np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1)))
+    spans = [(m.onset, m.end) for m in asked.marks if m.phase == "reach"] or [(onset, end)]
+    ways, turned = _ways(params, signal, aperture, spans, params.smallest), True
+    if not ways and np.isfinite(tips).all(axis=(1, 2)).sum() >= 3:
+        speed = np.linalg.norm(np.gradient(tips.mean(axis=1), part.t, axis=0), axis=1)
+        signal, turned = even(part.t, speed, lowpass=params.lowpass), False
+        ways = _ways(params, signal, np.interp(signal.t, part.t, np.sqrt((apart**2).sum(axis=-1))), spans, params.smallest_tips)
+    sd = None
+    if part.tips_sd is not None:
+        both = np.sqrt((part.tips_sd[:, [FINGERS.index("thumb"), FINGERS.index("index")]] ** 2).sum(axis=1).mean(axis=-1))
+        sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
+    told: tuple[Grade, str] = ("poor", "no reach found: the hand hardly moved")
+    if ways:
+        told = grade_of(part.flags[:, [SEGMENT["hand"]]])
+        told = told if turned else worse(told, ("fair", FINGERTIPS))
+    return Reach(tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values)  # 1 %: a gyroscope's scale
+
+
+def _ways(params: Params, signal: Even, aperture: Array, spans: Sequence[tuple[float, float]], smallest: float) -> list[Way]:
+    ways = []
+    for a, b in spans:
+        inside = (signal.t >= a) & (signal.t <= b)
+        if inside.sum() >= 8 and signal.known[inside].all():
+            way = of_speed(params, signal.t[inside], signal.values[inside], aperture[inside], smallest)
+            ways += [way] if way else []
+    return ways
+
+
+def of_speed(params: Params, t: Array, speed: Array, aperture: Array | None = None, smallest: float = 0.0) -> Way | None:
+    """One reach in a speed (n,) on an even grid t (n,) s; None where nothing moved."""
+    peak = int(np.argmax(speed))
+    least = params.threshold * speed[peak]
+    if not speed[peak] > smallest:
+        return None
+    slow = speed < least
+    before, after = np.flatnonzero(slow[:peak]), np.flatnonzero(slow[peak:])
+    a = int(before[-1]) if len(before) else 0
+    b = peak + int(after[0]) if len(after) else len(t) - 1
+    if b - a < 8:
+        return None
+    period, way = float(t[1] - t[0]), speed[a : b + 1]
+    time = float(t[b] - t[a])
+    values = {
+        "time": time,
+        "peak_speed": float(speed[peak]),
+        "peak_share": float((t[peak] - t[a]) / time),
+        "path": float(way.sum() * period),
+        "sparc": sparc(way, 1 / period, params.highest),
+        "ldlj": log_dimensionless_jerk(way, 1 / period),
+    }
+    if aperture is not None and np.isfinite(aperture[a : b + 1]).all():
+        widest = a + int(np.argmax(aperture[a : b + 1]))
+        values |= {"aperture_max": float(aperture[widest]), "aperture_share": float((t[widest] - t[a]) / time)}
+    return Way(float(t[a]), float(t[b]), values)
+
+
+def figures(r: Reach) -> list[Figure]:
+    """The flat list of figures: means over the reaches, with the standard error of their scatter and the instrument's."""
+    told, made = (r.grade, r.reason), [KINDS["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)]
+    for kind in list(KINDS.values())[1:]:
+        each = np.array([w.values[what] for w in r.ways if (what := kind.what.removeprefix("reach_")) in w.values])
+        each = each[np.isfinite(each)] if r.turned or not kind.unit.startswith("rad") else each[:0]
+        mean = float(each.mean()) if len(each) else np.nan
+        own = r.aperture_sd if kind.unit == "m" else r.relative_sd * abs(mean) if kind.unit.startswith("rad") else 0.0
+        scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
+        sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
+        made.append(kind.of(mean, sd, *told))
+    return made
+
+
+def shown(r: Reach) -> Shown:
+    """The hand's angular speed with the beginnings and ends of the reaches."""
+    if not len(r.t):
+        return Shown()
+    marks = {"movement_start": np.array([w.onset for w in r.ways]), "movement_end": np.array([w.end for w in r.ways])}
+    curve = Curve("hand_speed", "rad/s", r.t, r.speed) if r.turned else Curve("fingertip_speed", "m/s", r.t, r.speed)
+    return Shown((curve,), marks)

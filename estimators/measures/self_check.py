@@ -1,0 +1,86 @@
+"""How accurate the glove is on this hand: distances between fingertips that hold a spacer, a block or each other, against what they truly are.
+
+In      a trajectory, the stretch of time of the hold, the hand's geometry, the task's `contacts` and `distances_mm`
+Out     of every pair the mean error, its standard deviation and the RMSE
+Source  Salchow-Hoemmen 2019, (30), (31) and Table 5: P1, P2 a spacer of 3 cm, P3 a pinch, P4 a block of 5.3, 4.6 and 2.5 cm
+Limits  contacts.py
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.contacts import SALCHOW, Contact, Touched, contacts_of, errors, touched
+from estimators.measures.figure import Figure, Kind, kinds
+from estimators.measures.held import within
+from estimators.measures.shown import Curve, Shown
+from estimators.trajectory import Trajectory
+
+TITLE = "Accuracy self-check"
+UNTOLD = "the task does not say which points are how far apart"
+REACTION = (1.0, 0.5)  # s after a word to close, and before the next, that are not judged: ours
+HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/held.py)
+    "p1": (Contact(("thumb", "bottom"), ("index", "bottom"), 0.030),),
+    "p2": (Contact(("index", "left"), ("middle", "right"), 0.030),),
+    "p3": (Contact(("thumb", "distal"), ("index", "distal"), 0.0),),
+    "p4": (
+        Contact(("thumb", "bottom"), ("index", "bottom"), 0.053),
+        Contact(("thumb", "bottom"), ("middle", "bottom"), 0.046),
+        Contact(("index", "bottom"), ("middle", "bottom"), 0.025),
+    ),
+}
+KINDS = kinds(
+    Kind("contact_error_mean", "m", "mean of the measured distance between the points of contact less the true one", SALCHOW),
+    Kind("contact_error_sd", "m", "standard deviation of that difference over the hold", SALCHOW),
+    Kind("contact_error_rmse", "m", "root mean square of that difference over the hold", SALCHOW),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    """None: the true distances stand in the task."""
+
+
+def applies(task_name: str) -> bool:
+    words = words_of(task_name)
+    return "selfcheck" in words or "check" in words or task_name.lower() in HELD
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Touched]:
+    """Every pair whose true distance is known: from the task's details, else from its name (P1 to P4); only while `closed`, where that is marked."""
+    part = within(trajectory, onset, end)
+    shut = [(m.onset + REACTION[0], m.end - REACTION[1]) for m in asked.marks if m.phase == "closed"]
+    if shut:
+        part = part.without([(a, b) for a, b in zip([-np.inf, *(b for _, b in shut)], [*(a for a, _ in shut), np.inf])])
+    named = next((pairs for name, pairs in HELD.items() if name in words_of(asked.task)), ())
+    pairs = [c for c in contacts_of(asked) if c.distance is not None] or list(named)
+    return [touched(c, part, geometry) for c in pairs]
+
+
+def figures(found: list[Touched]) -> list[Figure]:
+    """The flat list of figures; the standard deviation of a distance's error is what the glove itself expects to be off."""
+    made = [] if found else [k.of(np.nan, None, "poor", UNTOLD) for k in KINDS.values()]
+    for r in found:
+        assert r.contact.distance is not None
+        off = errors(r.distance, r.contact.distance)
+        told = (
+            r.grade,
+            r.reason if r.on_skin else "; ".join(filter(None, [r.reason, "between the ends of the bones: the hand's size is not known"])),
+        )
+        for what in ("mean", "sd", "rmse"):
+            made.append(KINDS[f"contact_error_{what}"].of(off[what], r.sd, *told, r.contact.part))
+    return made
+
+
+def shown(found: list[Touched]) -> Shown:
+    """The distances over time."""
+    return Shown(tuple(Curve(f"{r.contact.part}_distance", "m", r.t, r.distance) for r in found if np.isfinite(r.distance).any()))

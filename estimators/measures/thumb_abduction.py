@@ -1,0 +1,64 @@
+"""How far the thumb leaves the palm: palmar abduction out of its plane, radial abduction within it, pronation about its own axis.
+
+In      a trajectory and the stretch of time of the task
+Out     the largest of each that was held, rad
+Source  of the metacarpal, as the Pollexograph-metacarpal reads it (de Kraker 2009, J Hand Surg Am 34:523); methods that read the whole thumb give about 12 deg more
+Limits  zero is the palm's plane and the direction of the fingers (docs/conventions.md)
+"""
+
+from estimators.hand_anatomy import DEVIATION, FLEXION, PRONATION
+from estimators.hand_geometry import HandGeometry
+from estimators.measures import held_angles
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Kind, kinds
+from estimators.measures.held_angles import Angle, Params, Reached, joint_angle
+from estimators.measures.shown import Shown
+from estimators.trajectory import Trajectory
+
+TITLE = "Thumb abduction"
+SOURCE = "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"
+KINDS = kinds(
+    Kind("palmar_abduction", "rad", "largest angle of the thumb's metacarpal out of the palm's plane", SOURCE),
+    Kind("radial_abduction", "rad", "largest angle of the thumb's metacarpal away from the fingers, within the palm's plane", SOURCE),
+    Kind(
+        "pronation",
+        "rad",
+        "largest turn of the thumb's metacarpal about its own axis, its pad towards the fingers",
+        "ours: CMC angle z-x'-y''",
+    ),
+)
+
+__all__ = ["Params", "applies", "figures", "measure", "shown"]
+
+
+def applies(task_name: str) -> bool:
+    words = words_of(task_name)
+    return "thumb" in words and bool(words & {"rom", "prom", "abduction"}) and not words & {"mcp", "ip"}
+
+
+def angles(moved: Trajectory) -> list[Angle]:
+    """The three of them."""
+    each = (("palmar_abduction", FLEXION, 1.0), ("radial_abduction", DEVIATION, -1.0), ("pronation", PRONATION, 1.0))
+    return [joint_angle(KINDS[what], "thumb_cmc", moved, [("thumb_cmc", a, weight)]) for what, a, weight in each]
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Reached]:
+    """Of the thumb, where it was measured."""
+    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+
+
+def figures(reached: list[Reached]) -> list[Figure]:
+    """The flat list of figures."""
+    return held_angles.figures_of(reached)
+
+
+def shown(reached: list[Reached]) -> Shown:
+    """The angles over time."""
+    return held_angles.shown_of(reached)

@@ -1,0 +1,189 @@
+"""Total active motion of a finger: how far all its joints bend together in a fist, less what each stays behind straight when all are stretched.
+
+In      a trajectory and the stretch of time in which fist and stretch were made, at least once, all fingers together
+Out     per finger TAF, TAM, its share of the norm with the word of a grading scheme, extension deficit and hyperextension of every joint
+Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum of extension deficits with all stretched (HandLab Clinical Pearl 18, 2012);
+        TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest and smallest
+Limits  hyperextension counts as zero and is told by itself; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, kinds
+from estimators.measures.held import graded, held, usable_in, window_of, within
+from estimators.measures.shown import NOTHING, Shown
+from estimators.options import option
+from estimators.trajectory import Trajectory
+
+TITLE = "Total active motion"
+DEG = np.pi / 180
+ASSH = "HandLab Clinical Pearl 18 (2012), after the ASSH"
+EATONHAND = "eatonhand.com clf217, tendon injury result grading"
+STRICKLAND = "Strickland & Glogovac 1980, bands as in HandLab Clinical Pearl 18 (2012), 175 deg as in a comparison of five systems"
+BURN = "Johnson's TAM of the burnt hand, medicalalgorithms.com/deep-dermal-burn"
+NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)  # thumb: the top of eatonhand's degrees
+TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
+GRADES = ("excellent", "good", "fair", "poor")
+KINDS = kinds(
+    Kind("taf", "rad", "sum of the flexions of the finger's joints in a fist", "TAF, as the first part of TAM: " + ASSH),
+    Kind("tam", "rad", "sum of the flexions in a fist less the sum of the extension deficits with all fingers stretched", ASSH),
+    Kind(
+        "tam_share",
+        "1",
+        "TAM over that of the other hand, or over 260 deg (thumb 140) where that is not given",
+        ASSH + "; thumb: " + EATONHAND,
+    ),
+    Kind("composite_flexion", "rad", "flexion of the joint in the fist in which the finger's joints bend furthest together", ASSH),
+    Kind("extension_deficit", "rad", "what the joint stays behind straight when the finger's joints are stretched furthest together", ASSH),
+    Kind("hyperextension", "rad", "how far the joint goes beyond straight then; not counted in TAM", "ours: TAM takes it for zero"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    hold: float = option(0.2, "s", "window of the running median: a posture counts when it lasts half of this", "ours: as range_of_motion")
+    grading: str = option(
+        "assh",
+        "",
+        "scheme that gives the words: ASSH in per cent, eatonhand in per cent or degrees, Strickland (zone II flexor repair only), burnt hand",
+        "HandLab Clinical Pearl 18; eatonhand clf217; Strickland & Glogovac 1980; Johnson",
+        choices=("assh", "eatonhand", "eatonhand_degrees", "strickland", "burn"),
+    )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One finger; angles in rad by joint, in the order of TAM_JOINTS."""
+
+    finger: str
+    flexions: Mapping[str, float]  # in the fist
+    extensions: Mapping[str, float]  # flexion that is left when stretched; negative: hyperextension
+    flexion_sd: Mapping[str, float]  # empty where not known
+    extension_sd: Mapping[str, float]
+    t_fist: float  # s
+    t_stretch: float  # s
+    grade: Grade
+    reason: str
+    scheme: str = "assh"
+
+    @property
+    def deficits(self) -> dict[str, float]:
+        return {j: max(0.0, left) for j, left in self.extensions.items()}
+
+    @property
+    def taf(self) -> float:
+        return float(sum(self.flexions.values()))
+
+    @property
+    def tam(self) -> float:
+        return self.taf - float(sum(self.deficits.values()))
+
+    @property
+    def sd(self) -> float | None:
+        """Of TAM: the errors of all angles count as independent; a deficit's counts where it may be one."""
+        counted = [
+            self.extension_sd[j] for j, left in self.extensions.items() if j in self.extension_sd and left > -2 * self.extension_sd[j]
+        ]
+        return float(np.sqrt(sum(s**2 for s in [*self.flexion_sd.values(), *counted]))) if self.flexion_sd else None
+
+    @property
+    def taf_sd(self) -> float | None:
+        return float(np.sqrt(sum(s**2 for s in self.flexion_sd.values()))) if self.flexion_sd else None
+
+
+def applies(task_name: str) -> bool:
+    """Fists and stretches of all fingers together."""
+    words = words_of(task_name)
+    return bool(words & {"rom", "prom"} and words & {"fist", "composite", "hand"}) or bool(words & {"tam", "composite"})
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> list[Motion]:
+    """Every finger whose joints were all measured."""
+    part = within(trajectory, onset, end)
+    if len(part) < 3:
+        return []
+    window, found = window_of(part.t, params.hold), []
+    for finger in FINGERS:
+        joints = [JOINT[j] for j in TAM_JOINTS[finger]]
+        segments = [SEGMENT[s] for s in (CHAINS[finger] if finger == "thumb" else ("hand", *CHAINS[finger]))]
+        angles = part.angles[:, joints, FLEXION]
+        total = held(angles.sum(axis=1), usable_in(part, segments), window)
+        if total is None:
+            continue
+        fist, stretch = int(np.nanargmax(total)), int(np.nanargmin(total))
+        kept = [held(a, usable_in(part, segments), window) for a in angles.T]
+        bent, straight = ({j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None} for i in (fist, stretch))
+        sds = _sds(part, finger, fist), _sds(part, finger, stretch)
+        when = float(part.t[fist]), float(part.t[stretch])
+        found.append(Motion(finger, bent, straight, *sds, *when, *graded(part, segments), params.grading))
+    return found
+
+
+def figures(motions: list[Motion]) -> list[Figure]:
+    """The flat list of figures."""
+    made = []
+    for m in motions:
+        norm, sd, told = NORM[m.finger], m.sd, (m.grade, m.reason)
+        made.append(KINDS["taf"].of(m.taf, m.taf_sd, *told, m.finger))
+        made.append(KINDS["tam"].of(m.tam, sd, *told, m.finger))
+        share_sd = None if sd is None else sd / norm
+        made.append(KINDS["tam_share"].of(m.tam / norm, share_sd, *told, m.finger, graded_as(m.scheme, m)))
+        for joint in m.flexions:
+            made.append(KINDS["composite_flexion"].of(m.flexions[joint], m.flexion_sd.get(joint), *told, joint))
+        for joint, left in m.extensions.items():
+            sd_left = m.extension_sd.get(joint)
+            made.append(KINDS["extension_deficit"].of(max(0.0, left), sd_left, *told, joint))
+            made.append(KINDS["hyperextension"].of(max(0.0, -left), sd_left, *told, joint))
+    return made
+
+
+def shown(motions: list[Motion]) -> Shown:
+    """Nothing: a page has the angles themselves."""
+    return NOTHING
+
+
+def graded_as(scheme: str, m: Motion, other_hand: float | None = None) -> str:
+    """What a scheme calls a finger's motion; `other_hand` is the TAM of the uninjured one, rad. "" where the scheme does not cover the finger."""
+    degrees, share = round(m.tam / DEG), round(100 * m.tam / (other_hand or NORM[m.finger]))
+    match scheme:
+        case "assh":  # > 50 fair, < 50 poor: 50 itself stands in neither
+            return GRADES[0 if share >= 100 else 1 if share > 75 else 2 if share > 50 else 3]
+        case "eatonhand":
+            return _banded(share, (85, 70, 50))
+        case "eatonhand_degrees":
+            return _banded(degrees, (119, 98, 70) if m.finger == "thumb" else (220, 180, 130))
+        case "strickland":
+            return "" if m.finger == "thumb" else _banded(round(100 * strickland(m)), (85, 70, 50))
+        case "burn":
+            return "" if m.finger == "thumb" else "normal" if degrees >= 260 else _banded(degrees, (220, 180, 180))
+    raise InputError(f"there is no grading {scheme!r}; gradings are assh, eatonhand, eatonhand_degrees, strickland, burn")
+
+
+def strickland(m: Motion) -> float:
+    """PIP and DIP flexion less their deficits, as a share of 175 deg."""
+    ends = [j for j in m.flexions if j.endswith(("_pip", "_dip"))]
+    return float(sum(m.flexions[j] - m.deficits[j] for j in ends) / (175 * DEG))
+
+
+def _banded(value: float, bands: tuple[float, float, float]) -> str:
+    return next((grade for grade, least in zip(GRADES, bands) if value >= least), "poor")
+
+
+def _sds(part: Trajectory, finger: str, at: int) -> dict[str, float]:
+    if part.angles_sd is None:
+        return {}
+    return {j: float(part.angles_sd[at, JOINT[j], FLEXION]) for j in TAM_JOINTS[finger]}
