@@ -112,7 +112,7 @@ def _others(content: Content, language: Language) -> list[Page]:
 
 
 def _other(trials: Sequence[Task], language: Language) -> Page:
-    names = list(dict.fromkeys(f.name for t in trials for f in t.result.figures))
+    names = list(dict.fromkeys(f.name for t in trials for f in t.result.figures if not f.detail))
     rows = [_other_row([f for t in trials for f in t.result.figures if f.name == name], language) for name in names]
     return {
         "title": language.heard(trials[0].measure_title),

@@ -32,9 +32,15 @@ def time_kinds(prefix: str, one: str) -> Mapping[str, Kind]:
         Kind(f"{prefix}_rate", "Hz", f"{one}s per second, of the time that complete ones took", RETAP),
         Kind(f"{prefix}_interval_mean", "s", "mean time from one closing to the next", RETAP),
         Kind(f"{prefix}_interval_cv", "1", "standard deviation of the times between closings over their mean", RETAP),
-        Kind(f"{prefix}_interval_slope", "s", f"change of the time between closings from {one} to {one}, by least squares", RETAP),
+        Kind(
+            f"{prefix}_interval_slope",
+            "s",
+            f"change of the time between closings from {one} to {one}, by least squares",
+            RETAP,
+            detail=True,
+        ),
         Kind(f"{prefix}_first_rate", "Hz", f"rate of the first ten {one}s", FIRST),
-        *(Kind(f"{prefix}_fatigue{p}", "s", fatigue.format(p, one), FATIGUE) for p in FATIGUE_SHARES),
+        *(Kind(f"{prefix}_fatigue{p}", "s", fatigue.format(p, one), FATIGUE, detail=p != 25) for p in FATIGUE_SHARES),
     )
 
 
@@ -50,9 +56,11 @@ def size_kinds(prefix: str, one: str, unit: str, opening: str) -> Mapping[str, K
         Kind(
             f"{prefix}_decrement_ratio", "1", f"mean amplitude of the last five {one}s less that of the first five, over the latter", RETAP
         ),
-        Kind(f"{prefix}_half_decrement", unit, f"mean amplitude of the first half of the {one}s less that of the second", HALVES),
+        Kind(
+            f"{prefix}_half_decrement", unit, f"mean amplitude of the first half of the {one}s less that of the second", HALVES, detail=True
+        ),
         Kind(f"{prefix}_first_amplitude_mean", unit, f"mean amplitude of the first ten {one}s", FIRST),
-        Kind(f"{prefix}_first_decrement_slope", unit, f"{change}, of the first ten {one}s", FIRST),
+        Kind(f"{prefix}_first_decrement_slope", unit, f"{change}, of the first ten {one}s", FIRST, detail=True),
     )
 
 

@@ -30,6 +30,7 @@ class Figure:
     what: str = ""  # key of its words: flexion_max, tapping_rate, ...
     meaning: str = ""  # the definition in one sentence
     category: str = ""  # what the scheme that `source` names calls such a value: "good"; "" without a scheme
+    detail: bool = False  # one of many that a page leaves to its tables
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Kind:
     unit: str
     meaning: str
     source: str
+    detail: bool = False  # one of many that a page leaves to its tables
 
     def of(
         self, value: float, sd: float | None = None, grade: Grade = "good", reason: str = "", part: str = "", category: str = ""
@@ -49,7 +51,9 @@ class Kind:
             sd, grade, category = None, "poor", ""
         known = None if sd is None or not np.isfinite(sd) else float(sd)
         name = f"{part}_{self.what}" if part else self.what
-        return Figure(name, float(value), self.unit, self.source, known, grade, reason, part, self.what, self.meaning, category)
+        return Figure(
+            name, float(value), self.unit, self.source, known, grade, reason, part, self.what, self.meaning, category, self.detail
+        )
 
 
 def kinds(*each: Kind) -> Mapping[str, Kind]:

@@ -23,7 +23,9 @@ TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
 WORDS = {"max": "the largest {} held", "min": "the smallest {} held", "range": "from the smallest to the largest {} held"}
 KINDS = kinds(*(Kind(f"{a}_{end}", "rad", words.format(a), SOURCE) for a in ANGLES for end, words in WORDS.items()))
-ELSEWHERE = frozenset({"tremor", "check", "selfcheck", "pinch", "pinches", "reach"})  # tasks that move joints little, or not for their range
+ELSEWHERE = frozenset(
+    {"tremor", "check", "selfcheck", "pinch", "pinches", "reach"}
+)  # tasks that move joints little, or not for their range
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,9 +40,27 @@ KINDS = kinds(
         "TAM over that of the other hand, or over 260 deg (thumb 140) where that is not given",
         ASSH + "; thumb: " + EATONHAND,
     ),
-    Kind("composite_flexion", "rad", "flexion of the joint in the fist in which the finger's joints bend furthest together", ASSH),
-    Kind("extension_deficit", "rad", "what the joint stays behind straight when the finger's joints are stretched furthest together", ASSH),
-    Kind("hyperextension", "rad", "how far the joint goes beyond straight then; not counted in TAM", "ours: TAM takes it for zero"),
+    Kind(
+        "composite_flexion",
+        "rad",
+        "flexion of the joint in the fist in which the finger's joints bend furthest together",
+        ASSH,
+        detail=True,
+    ),
+    Kind(
+        "extension_deficit",
+        "rad",
+        "what the joint stays behind straight when the finger's joints are stretched furthest together",
+        ASSH,
+        detail=True,
+    ),
+    Kind(
+        "hyperextension",
+        "rad",
+        "how far the joint goes beyond straight then; not counted in TAM",
+        "ours: TAM takes it for zero",
+        detail=True,
+    ),
 )
 
 

@@ -39,10 +39,16 @@ KINDS = kinds(
         WELCH,
     ),
     Kind("tremor_rate_rms", "rad/s", "rms angular rate within 1 Hz of the peak", WELCH),
-    Kind("tremor_log_amplitude", "1", "decimal logarithm of the amplitude in degrees, which ratings go with", "Elble 2016 (PMC6174406)"),
-    Kind("tremor_power_share", "1", "power within 1 Hz of the peak, of all between 3 and 15 Hz", "PMC6806079"),
+    Kind(
+        "tremor_log_amplitude",
+        "1",
+        "decimal logarithm of the amplitude in degrees, which ratings go with",
+        "Elble 2016 (PMC6174406)",
+        detail=True,
+    ),
+    Kind("tremor_power_share", "1", "power within 1 Hz of the peak, of all between 3 and 15 Hz", "PMC6806079", detail=True),
     Kind("tremor_time_share", "1", "windows of 3 s in which a peak stands out, of all", "PMC6806079; that a peak stands out: ours"),
-    Kind("tremor_band_quotient", "1", "power from 4 to 12 Hz over that from 0.5 to 4 Hz", "PMC8960784"),
+    Kind("tremor_band_quotient", "1", "power from 4 to 12 Hz over that from 0.5 to 4 Hz", "PMC8960784", detail=True),
 )
 
 

@@ -113,7 +113,7 @@ def test_the_pdf_says_it_what_is_beyond_first() -> None:
     assert text.count("Published MDCs stand in") == 1
     assert "gives (MDC95): nothing. Within it: Rate 0.40 per s higher. All others unchanged." in text
     assert "from 5 sessions repeated within a week" in text
-    assert pages(FORMS["pdf"](content, Style())) == 2
+    assert pages(FORMS["pdf"](content, Style())) == 3
 
 
 def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
@@ -124,7 +124,7 @@ def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
         key: (value + rng.normal(0, 5 / DEG if unit == "rad" else 0.1 * abs(value)), unit) for key, (value, unit) in now.items()
     }
     content = replace(report(made), changes=changes(Comparison(MAY, now, then, {}, {})))
-    assert pages(FORMS["pdf"](content, Style())) == 2
+    assert pages(FORMS["pdf"](content, Style())) == 3
     text = text_of(content)
     assert re.search(r"Within it: all \d\d", text)
     assert "Not judged: Taps" in text

@@ -81,7 +81,7 @@ def test_the_course_begins_with_the_third_session() -> None:
 
 
 def test_twenty_sessions_are_a_report_of_few_pages() -> None:
-    assert pages(pdf(among(20), ENGLISH)) <= 3
+    assert pages(pdf(among(20), ENGLISH)) <= 4
 
 
 def test_what_was_taken_out_by_hand_is_told_with_its_reason() -> None:

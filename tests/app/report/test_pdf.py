@@ -49,15 +49,15 @@ def text_of(c: Content) -> str:
 
 
 @pytest.mark.parametrize(("paper", "size"), [("a4", rb"595\.27\d* 841\.8\d*"), ("us-letter", rb"612 792")])
-def test_a_normal_session_is_two_pages_of_the_paper_asked_for(paper: str, size: bytes) -> None:
+def test_a_normal_session_is_three_pages_of_the_paper_asked_for(paper: str, size: bytes) -> None:
     made = pdf_(report(), paper=paper)
     assert made.startswith(b"%PDF-1.7")
-    assert pages(made) == 2
+    assert pages(made) == 3
     assert re.search(rb"/MediaBox\[0 0 " + size + rb"\]", made)
 
 
-def test_three_trials_of_tapping_still_are_two_pages() -> None:
-    assert pages(pdf_(report(session((*NORMAL, "tapping", "tapping"))))) == 2
+def test_three_trials_of_tapping_still_are_three_pages() -> None:
+    assert pages(pdf_(report(session((*NORMAL, "tapping", "tapping"))))) == 3
 
 
 def test_a_single_task_is_one_page() -> None:
@@ -201,7 +201,7 @@ def test_fingers_that_are_not_measured_are_named() -> None:
 
 def test_tasks_beyond_the_range_of_motion_follow_on_a_page_of_their_own_without_deficits() -> None:
     made = pdf_(report(session((*NORMAL, "wiggle"))))
-    assert pages(made) == 3
+    assert pages(made) == 4
     further = printed(made).split("Further tasks")[1]
     assert "wiggle" in further
     assert "not below" in further
