@@ -100,15 +100,18 @@ def _sights(params: FunctionalParams, good: Mapping[str, Piece], pose: Calibrati
     q_GH = _segment(pose, "hand")
     for segment in segments:
         finger = segment.split("_")[0]
-        joints = 1 + (CHAINS[finger].index(segment) + 1 if finger in CHAINS else 0)  # that were held straight from the table to here
-        thumb = finger == "thumb"
+        thumb, chain = finger == "thumb", CHAINS.get(finger, ())
+        joints = chain[: chain.index(segment) + 1] if chain else ()  # by their children: what is to be straight from the hand to here
+        roll = sd * np.sqrt(len(joints)) if thumb else 1.0 * DEG
         flat = good.get("thumb_flat" if thumb else "flat_hand")
         if flat is not None and segment in flat.up:
-            spread = sd * np.sqrt(joints - thumb)
-            found.append(Sight(segment, flat.up[segment], spread, spread if thumb else 1.0 * DEG))
+            from_table = (
+                ("thumb", *joints[1:]) if thumb else ("forearm",) if segment == "forearm" else ("hand", *joints)
+            )  # each lies by itself
+            found.append(Sight(segment, flat.up[segment], tuple(f"{flat.step}: {j}" for j in from_table), sd, roll))
         if segment not in ("hand", "forearm"):
-            q_HB, spread = quat.relative(q_GH, _segment(pose, segment)), sd * np.sqrt(joints - 1)
-            found.append(Sight(segment, _up(pose, segment), spread, spread if thumb else 1.0 * DEG, _up(pose, "hand"), q_HB))
+            held, q_HB = tuple(f"pose: {j}" for j in joints), quat.relative(q_GH, _segment(pose, segment))
+            found.append(Sight(segment, _up(pose, segment), held, sd, roll, _up(pose, "hand"), q_HB))
     return found
 
 

@@ -24,6 +24,7 @@ DEG = np.pi / 180
 LOOKS = 6.0  # in one movement: there and back three times
 FIRST = 5.0 * DEG  # sd of a joint's flexion where a movement begins: asked for straight; ours
 ASIDE = 2.0 * DEG  # sd of an MCP joint's deviation there; ours
+SEEN = 0.3 * DEG  # sd of gravity's direction in a sensor at rest: 0.05 m/s^2 of accelerometer bias
 UNKNOWN = 30.0 * DEG  # sd of a first guess: sensors are put on up to 30 deg off
 CLEAR = 4.0  # times what soft tissue makes of the neighbours' movement: from here on a segment moved itself; ours
 STEADY = 0.005  # rad/s, rate that is noise
@@ -45,7 +46,10 @@ class Sight:
 
     segment: str
     up_S: Array  # (3,) unit, sensor frame
-    sd: float  # rad, of the segment's flexion in that posture
+    held: tuple[
+        str, ...
+    ]  # what was to be held straight between what is known and the segment: its flexion misses by the sum of what they miss
+    sd: float  # rad, that each of them misses
     roll_sd: float = 1.0 * DEG  # rad, of its turn about its long axis: fingers have no such freedom
     up_H: Array | None = None  # (3,) seen by the hand's sensor in its frame; None: the posture lay level, x upright
     q_HB: Array | None = None  # (4,) the segment on the hand there
@@ -75,14 +79,19 @@ def fit(guess: Mapping[str, Array], movements: Sequence[Movement], sights: Seque
         for k, (m, j) in enumerate((m, j) for m in range(len(thin)) for j in joints)
     }
     count += 2 * len(first)
+    looks = [s for s in sights if s.segment in guess]
+    misses = {name: count + k for k, name in enumerate(dict.fromkeys(name for s in looks for name in s.held))}
+    count += len(misses)
     q_BS, start = dict(guess), np.zeros(count)
     for _ in range(ITERATIONS):
         system = _System(count)
         for segment in guess:
             off = quat.log(quat.multiply(q_BS[segment], quat.conjugate(guess[segment])))
             system.add([places[segment]], [np.eye(3)], off, np.full(3, 1.0 / UNKNOWN))
-        for sight in (s for s in sights if s.segment in guess):
-            _look(system, sight, q_BS, places, side_sign(hand))
+        for sight in looks:
+            _look(system, sight, q_BS, places, side_sign(hand), [misses[name] for name in sight.held], start)
+        for name, each in {name: s.sd for s in looks for name in s.held}.items():
+            system.add([np.array([misses[name]])], [np.eye(1)], start[[misses[name]]], np.array([1.0 / each]))
         for (m, name), place in first.items():
             joint = next(j for j in joints if j.name == name)
             _relative(system, thin[m], joint, q_BS, places, place, start[place], soft_tissue)
@@ -148,8 +157,16 @@ def _integrated(rate: Array, dt: float) -> Array:
     return quat.normalize(q)
 
 
-def _look(system: _System, sight: Sight, q_BS: Mapping[str, Array], places: Mapping[str, NDArray[np.int_]], sign: float) -> None:
-    """Where up is in the segment: two components, across x."""
+def _look(
+    system: _System,
+    sight: Sight,
+    q_BS: Mapping[str, Array],
+    places: Mapping[str, NDArray[np.int_]],
+    sign: float,
+    misses: Sequence[int],
+    found: Array,
+) -> None:
+    """Where up is in the segment: two components, across x. The first is turned by all that was missed from what is known to the segment."""
     up = quat.rotate(q_BS[sight.segment], sight.up_S)
     columns, parts = [places[sight.segment]], [-quat.skew(up)]
     if sight.up_H is None or sight.q_HB is None:
@@ -160,7 +177,9 @@ def _look(system: _System, sight: Sight, q_BS: Mapping[str, Array], places: Mapp
         expected = R_BH @ on_hand
         columns, parts = [*columns, places["hand"]], [*parts, R_BH @ quat.skew(on_hand)]
     across = _across(expected)  # the first direction is moved by flexion, the second by a roll
-    system.add(columns, [across @ p for p in parts], across @ (up - expected), 1.0 / np.array([sight.sd, sight.roll_sd]))
+    bent, by_each = float(found[list(misses)].sum()), np.array([[1.0], [0.0]])
+    columns, parts = [*columns, *(np.array([m]) for m in misses)], [*(across @ p for p in parts), *(by_each for _ in misses)]
+    system.add(columns, parts, across @ (up - expected) + by_each[:, 0] * bent, 1.0 / np.array([SEEN, sight.roll_sd]))
 
 
 def _across(up: Array) -> Array:

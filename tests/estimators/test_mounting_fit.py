@@ -5,7 +5,7 @@ import pytest
 
 from estimators import functional_calibration, mounting_fit
 from estimators import quaternions as quat
-from estimators.hand_anatomy import Hand
+from estimators.hand_anatomy import JOINTS, Hand
 from estimators.methods import m2
 from tests.estimators.functional import PERFECT, TURNED, done, errors_of, pieces, posed
 from tests.simulated import DEG
@@ -34,14 +34,23 @@ def test_without_any_carelessness_or_noise_the_mounting_is_found(hand: Hand) -> 
 
 
 def test_standard_deviations_are_honest() -> None:
-    """Normalised error squared of sensors put on anyhow by careless people, about each axis."""
-    squared = []
+    """Normalised error squared of sensors put on anyhow by careless people, about each axis, of all sensors together and of neighbours' flexions: what a
+    posture misses is shared by the sensors of a finger."""
+    squared, together, bends = [], [], []
     for seed, hand in ((3, "left"), (4, "right"), (5, "left"), (6, "right")):
         recording = done(hand, seed)
         found = functional_calibration.combine(m2.Params(), pieces(recording), posed(recording), {})
         errors = errors_of(recording, found)
         squared += [(errors[s] / sd) ** 2 for s, sd in found.q_BS_sd.items()]
+        told, all_errors = list(found.q_BS_sd), np.concatenate([errors[s] for s in found.q_BS_sd])
+        together.append(all_errors @ np.linalg.solve(found.told_together(), all_errors) / len(all_errors))
+        for joint in JOINTS:
+            child, parent = (3 * told.index(s) + 2 for s in (joint.child, joint.parent))
+            between = np.zeros(len(all_errors))
+            between[child], between[parent] = 1.0, -1.0
+            bends.append((between @ all_errors) ** 2 / (between @ found.told_together() @ between))
     mean = np.mean(squared, axis=0)
     assert (mean > 0.2).all()
-    assert (mean[:2] < 1.5).all()
-    assert mean[2] < 3.0  # about z a posture's error is shared by the sensors of a finger, and the fit takes them for single looks
+    assert (mean < 1.5).all()
+    assert 0.5 < np.mean(together) < 1.2
+    assert 0.6 < np.mean(bends) < 1.4
