@@ -83,3 +83,9 @@ def _cores(layout: str) -> list[str]:
 def _typed(core: str, each: Any, scalar: Any) -> Any:
     dimensions = len([d for d in core.split(",") if d.strip()])
     return each[(slice(None),) * dimensions] if dimensions else scalar
+
+
+def loops(kernel: Callable[..., None]) -> Callable[..., None]:
+    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is first called on a machine, then kept. No fastmath."""
+    translated: Callable[..., None] = njit(cache=True, error_model="numpy")(kernel)
+    return translated

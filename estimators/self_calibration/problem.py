@@ -1,0 +1,260 @@
+"""What self-calibration knows and what it looks for: sensors on a chain of joints, their readings, the unknowns and how they move on their manifold.
+
+In      even samples of inertial sensors whose segments hang together by joints
+Out     Problem (what is known), Unknowns (a place in the space that is searched), their increments
+Source  Kortier, thesis ch. 4, (4.1)-(4.5). Written without loss in fewer unknowns: rates and accelerations (4.8), (4.9) are the readings less biases and
+        errors, places and velocities (4.17a, b) follow from them, and the segments' poses (4.10) from the sensors': orientations of the sensors are all
+        of the trajectory that is left. A sensor's pose on its segment and the segment's length are told by where its joints and their axes lie in
+        the sensor's frame, in which the problem is linear (segments.py gives p_BS, q_BS and lengths)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import JOINTS
+from estimators.options import option
+from estimators.quaternions import Array
+
+Indices = NDArray[np.intp]
+GRAVITY = 9.80665
+THESIS = "Kortier, thesis 4.5.1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """How far each relation may be off: standard deviations of one sample, of one unknown."""
+
+    gyr: float = option(1e-3, "rad/s", "noise of a gyroscope's sample", THESIS, least=1e-6)
+    acc: float = option(0.08, "m/s^2", "noise of an accelerometer's sample, play of joints and skin included", THESIS, least=1e-5)
+    hinge: float = option(
+        1.0,
+        "deg",
+        "how far the axis of a hinge lies apart in its two segments",
+        "Kortier, thesis 4.5.1: 1e-3 rad, a printed hinge; ours for fingers",
+    )
+    still: float = option(10.0, "m/s^2", "size of the hand's acceleration, zero on average", f"{THESIS}, (4.15)")
+    gyr_bias: float = option(
+        2.0,
+        "deg/s",
+        "bias of a gyroscope",
+        "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, table 1, after one calibration; size ours",
+    )
+    acc_bias: float = option(
+        0.2, "m/s^2", "bias of an accelerometer", "MPU-9250 product specification: 60 mg before calibration; size ours"
+    )
+    place: float = option(0.1, "m", "distance of a joint's centre from a sensor", "Kortier, thesis 4.3.1: 1; a hand's size")
+    bone: float = option(
+        0.5,
+        "mm",
+        "joints of a bone along the hinge's axis: the axis is square to the bone",
+        "Kortier, thesis 4.2 by definition of its frames; size ours",
+    )
+    aside: float = option(
+        2.0,
+        "mm",
+        "distance of a sensor from the middle of its segment, along the axes of its hinges",
+        "Kortier, thesis 4.5.2: x = 0; size ours",
+    )
+    skin_turn: float = option(
+        3.0, "deg", "turn of a sensor on its segment for 90 deg in the joint before it", "skin moves with the joint; size ours", least=1e-6
+    )
+    skin_slide: float = option(
+        1.5, "mm", "slide of a sensor on its segment for 90 deg in the joint before it", "skin moves with the joint; size ours", least=1e-6
+    )
+    delay: float = option(
+        5.0,
+        "ms",
+        "time between what gyroscope and accelerometer of a sensor see",
+        "half a sample of 100 Hz: rates are means over a sample or instants; ours",
+    )
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Sensors joined to a tree: the first is the root, every other one hangs on one joint."""
+
+    sensors: tuple[str, ...]  # by segment
+    joints: tuple[str, ...]  # of hand_anatomy.JOINTS, (J,)
+    parents: Indices  # (J,) rows of sensors
+    children: Indices  # (J,)
+    hinges: Indices  # (H,) which joints turn about one axis
+
+    @property
+    def incidence(self) -> Array:
+        """What each sensor's error does to each joint (J, S): +1 the child's, -1 the parent's."""
+        a = np.zeros((len(self.joints), len(self.sensors)))
+        rows = np.arange(len(self.joints))
+        a[rows, self.children], a[rows, self.parents] = 1.0, -1.0
+        return a
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Even samples of the chain's sensors, in their frames."""
+
+    dt: float  # s
+    gyr: Array  # (n, S, 3) rad/s
+    acc: Array  # (n, S, 3) m/s^2
+    gyr_doubt: Array  # (n, S) factor on the noise's standard deviation: 1 as it should be, large where clipped or bridged
+    acc_doubt: Array  # (n, S)
+
+    def __len__(self) -> int:
+        return len(self.gyr)
+
+
+@dataclass(frozen=True)
+class Problem:
+    chain: Chain
+    noise: Noise
+    dt: float  # s
+    turns: Array  # (n-1, S, 3) rad, rotation vectors between samples, biases in them
+    later: Array  # (n-1, S, 3) rad/s, by how much a turn grows for each s that gyroscopes lag behind
+    acc: Array  # (n, S, 3) m/s^2
+    turn_sd: Array  # (n-1, S) rad
+    acc_sd: Array  # (n, S) m/s^2
+    start: Array  # (S, 4) q_GS of the first sample as first believed
+    bent: Array  # (n, J) rad, how far each joint is bent, as it was believed last: it pulls the skin
+
+    def __len__(self) -> int:
+        return len(self.acc)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    q_GS: Array  # (n, S, 4) orientations of the sensors
+    far: Array  # (J, 3) m, from the parent's sensor to the joint's centre, in the sensor's frame
+    near: Array  # (J, 3) m, from the child's sensor
+    bias_gyr: Array  # (S, 3) rad/s
+    bias_acc: Array  # (S, 3) m/s^2
+    axis_far: Array  # (H, 3) unit, axis of a hinge in the frame of the parent's sensor
+    axis_near: Array  # (H, 3) unit, in that of the child's
+    skin_turn: Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
+    skin_slide: Array  # (J, 3) m/rad, how far it slides
+    delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where the parameters stand in their increment (P,)."""
+
+    far: slice
+    near: slice
+    bias_gyr: slice
+    bias_acc: slice
+    axis_far: slice
+    axis_near: slice
+    skin_turn: slice
+    skin_slide: slice
+    delay: slice
+
+    @property
+    def count(self) -> int:
+        return int(self.delay.stop)
+
+
+def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: Sequence[str] | None = None) -> Chain:
+    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless told otherwise."""
+    known = [j for j in JOINTS if joints is None or j.name in joints]
+    sensors, links = [segments[0]], []
+    for joint in known:
+        if joint.parent in sensors and joint.child in segments and joint.child not in sensors:
+            sensors.append(joint.child)
+            links.append(joint)
+    row = {name: k for k, name in enumerate(sensors)}
+    turning = {j.name for j in links if len(j.dofs) == 1} if hinges is None else set(hinges)
+    return Chain(
+        tuple(sensors),
+        tuple(j.name for j in links),
+        np.array([row[j.parent] for j in links], dtype=np.intp),
+        np.array([row[j.child] for j in links], dtype=np.intp),
+        np.flatnonzero([j.name in turning for j in links]),
+    )
+
+
+def posed(chain: Chain, noise: Noise, readings: Readings, start: Array) -> Problem:
+    """The problem of these readings; orientations begin near `start` (S, 4)."""
+    w, dt = readings.gyr, readings.dt
+    between = dt * readings.gyr_doubt
+    return Problem(
+        chain,
+        noise,
+        dt,
+        turned(w, dt),
+        np.diff(w, axis=0),
+        readings.acc,
+        noise.gyr * np.sqrt(0.5 * (between[1:] ** 2 + between[:-1] ** 2)),
+        noise.acc * readings.acc_doubt,
+        start,
+        np.zeros((len(readings), len(chain.joints))),
+    )
+
+
+def resized(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:
+    """The same readings with errors of other sizes; accelerations count as uncertain by factors (n, S) more."""
+    grown = problem.acc_sd * noise.acc / problem.noise.acc * acc_doubt
+    return replace(problem, noise=noise, turn_sd=problem.turn_sd * noise.gyr / problem.noise.gyr, acc_sd=grown)
+
+
+def turned(w: Array, dt: float) -> Array:
+    """Rotation vectors (n-1, ..., 3) between samples of a rate (n, ..., 3): cubics through four samples, the axis' own movement to second order."""
+    mean = 0.5 * (w[1:] + w[:-1])
+    mean[1:-1] = (13 * (w[1:-2] + w[2:-1]) - (w[:-3] + w[3:])) / 24
+    return np.asarray(dt * mean + dt**2 / 12 * np.cross(w[:-1], w[1:]))
+
+
+def columns(chain: Chain) -> Columns:
+    """The layout of the parameters' increment."""
+    J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
+    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1]).tolist()
+    return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
+
+
+def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknowns:
+    """Another place: orientations turned by `turns` (n, S, 3) in the sensors' frames, parameters by (P,); unit vectors stay on their sphere."""
+    c = columns(chain)
+    return replace(
+        at,
+        q_GS=quat.normalize(quat.multiply(at.q_GS, quat.exp(turns))),
+        far=at.far + parameters[c.far].reshape(-1, 3),
+        near=at.near + parameters[c.near].reshape(-1, 3),
+        bias_gyr=at.bias_gyr + parameters[c.bias_gyr].reshape(-1, 3),
+        bias_acc=at.bias_acc + parameters[c.bias_acc].reshape(-1, 3),
+        axis_far=tilted(at.axis_far, parameters[c.axis_far].reshape(-1, 2)),
+        axis_near=tilted(at.axis_near, parameters[c.axis_near].reshape(-1, 2)),
+        skin_turn=at.skin_turn + parameters[c.skin_turn].reshape(-1, 3),
+        skin_slide=at.skin_slide + parameters[c.skin_slide].reshape(-1, 3),
+        delay=at.delay + parameters[c.delay],
+    )
+
+
+def tilted(axes: Array, by: Array) -> Array:
+    """Unit vectors (m, 3) moved on their sphere by (m, 2) rad along `tangents`."""
+    along = np.einsum("mij,mj->mi", tangents(axes), by)
+    size = np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(np.cos(size) * axes + np.sinc(size / np.pi) * along)
+
+
+def tangents(axes: Array) -> Array:
+    """Two unit vectors square to each axis (m, 3), as columns (m, 3, 2)."""
+    aside = np.eye(3)[np.argmin(np.abs(axes), axis=-1)] if len(axes) else np.empty((0, 3))
+    first = np.cross(axes, aside)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(axes, first)], axis=-1)
+
+
+def bent(problem: Problem, at: Unknowns) -> Problem:
+    """The same problem with joints bent (n, J) as here: from the straightest posture, about the hinge's axis or the one that the joint turned about most."""
+    chain, found = problem.chain, np.empty_like(problem.bent)
+    hinge = {int(k): h for h, k in enumerate(chain.hinges)}
+    for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
+        q_ij = quat.relative(at.q_GS[:, i], at.q_GS[:, j])
+        rotvec = quat.log(quat.multiply(q_ij, quat.conjugate(quat.mean(q_ij))))
+        axis = at.axis_far[hinge[k]] if k in hinge else np.linalg.eigh(rotvec.T @ rotvec)[1][:, -1]
+        angle = rotvec @ axis
+        low, middle, high = np.percentile(angle, [2, 50, 98])
+        found[:, k] = angle - low if high + low >= 2 * middle else high - angle
+    return replace(problem, bent=found)

@@ -1,0 +1,239 @@
+"""The residuals of self-calibration with their derivatives, each divided by its standard deviation.
+
+In      a Problem, Unknowns, a stretch of samples
+Out     Terms: residuals of consecutive samples and their derivatives by the orientations of one to three samples and by the parameters
+Source  Kortier, thesis ch. 4; his numbers stand at each function
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.quaternions import Array
+from estimators.self_calibration.problem import GRAVITY, Columns, Indices, Problem, Unknowns, columns, tangents
+
+SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
+NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
+BEGINNING_SD, HEADING_SD = 1.0, 1e-3  # rad: (4.16); the root's heading is free (no magnetometer) and is held at what was first believed
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Residuals of m rows at each of T samples, each touching the orientations of `knots` samples from `first` on."""
+
+    first: int
+    knots: int
+    r: Array  # (T, m)
+    by_turns: Array  # (T, m, knots * S * 3)
+    by_parameters: Array  # (T, m, len(cols))
+    cols: Indices  # columns of the parameters' increment
+
+
+def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+    """(4.8), (4.17c): between two samples a sensor turns by what its gyroscope read less its bias."""
+    S, c, dt = len(problem.chain.sensors), columns(problem.chain), problem.dt
+    stop = min(stop, len(problem) - 1)
+    phi = problem.turns[start:stop] - dt * at.bias_gyr + at.delay * problem.later[start:stop]
+    q_ab = quat.relative(at.q_GS[start:stop], at.q_GS[start + 1 : stop + 1])
+    r = quat.log(quat.multiply(quat.exp(-phi), q_ab))
+    sd = problem.turn_sd[start:stop, :, None]
+    T = len(r)
+    right, left = inverse_jacobian(r), inverse_jacobian(-r)
+    by = np.zeros((T, S, 3, 2, S, 3))
+    by_parameters = np.zeros((T, S, 3, 3 * S + 1))
+    of_phi = -left @ right_jacobian(phi) / sd[..., None]
+    back = -right @ quat.matrix(quat.conjugate(q_ab)) / sd[..., None]
+    for s in range(S):
+        by[:, s, :, 1, s] = right[:, s] / sd[:, s, :, None]
+        by[:, s, :, 0, s] = back[:, s]
+        by_parameters[:, s, :, 3 * s : 3 * s + 3] = -dt * of_phi[:, s]
+    by_parameters[..., -1] = np.einsum("tsij,tsj->tsi", of_phi, problem.later[start:stop])
+    return Terms(
+        start, 2, (r / sd).reshape(T, -1), by.reshape(T, 3 * S, -1), by_parameters.reshape(T, 3 * S, -1), _cols(c.bias_gyr, c.delay)
+    )
+
+
+def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+    """(4.9), (4.10b), (4.11), (4.12), (4.17a, b): the two segments of a joint have its centre in common, always, so their accelerations there agree.
+
+    The place of a joint is that of a sensor and an arm in its frame; its second difference over three samples is exact (Numerov), no rate is
+    differentiated, gravity cancels. A sensor's noise is seen by all of its joints: the rows of a sample are whitened together.
+    """
+    chain, c, dt = problem.chain, columns(problem.chain), problem.dt
+    start, stop = max(start, 1), min(stop, len(problem) - 1)
+    T, J, S = stop - start, len(chain.joints), len(chain.sensors)
+    at_three = np.arange(start, stop)[:, None] + np.arange(-1, 2)
+    R = quat.matrix(at.q_GS[start - 1 : stop + 1])[at_three - (start - 1)]  # (T, 3, S, 3, 3)
+    f = (problem.acc - at.bias_acc)[at_three]  # (T, 3, S, 3)
+    e, by = np.zeros((T, J, 3)), np.zeros((T, J, 3, 3, S, 3))
+    by_parameters = np.zeros((T, J, 3, 12 * J + 3 * S))
+    felt = np.einsum("k,tksij->tsij", NUMEROV, R)
+    turned = SECOND_DIFFERENCE[:, None, None, None] / dt**2 * R
+    for k in range(J):
+        for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
+            bent, c_S, arm = _pulled(problem, at, int(s), still, at_three)
+            g = SECOND_DIFFERENCE[:, None] / dt**2 * arm + NUMEROV[:, None] * f[:, :, s]
+            e[:, k] += sign * np.einsum("tkij,tkj->ti", R[:, :, s], g)
+            by[:, k, :, :, s] = -sign * (R[:, :, s] @ quat.skew(g)).transpose(0, 2, 1, 3)
+            swung = turned[:, :, s].sum(axis=1)
+            by_parameters[:, k, :, place : place + 3] = sign * swung
+            by_parameters[:, k, :, 12 * J + 3 * s : 12 * J + 3 * s + 3] = -sign * felt[:, s]
+            for m in np.flatnonzero(chain.children == s):
+                pulling = np.einsum("tk,tkij->tij", bent, turned[:, :, s])
+                by_parameters[:, k, :, place : place + 3] -= sign * pulling @ quat.skew(c_S)
+                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * pulling @ quat.skew(still)
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * pulling
+    L = whitening(problem, start, stop)
+    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) for x in (e, by, by_parameters)]
+    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.bias_acc)
+    return Terms(start - 1, 3, mixed[0][..., 0], mixed[1], mixed[2], cols)
+
+
+def _pulled(problem: Problem, at: Unknowns, s: int, arm: Array, samples: Indices) -> tuple[Array, Array, Array]:
+    """How far the joint before a sensor is bent (...), how the skin turns the sensor with it (3,), and an arm (3,) or (..., 3) of the sensor with the skin pulled.
+
+    First order: a sensor that turned by c and slid by s sees a place r at r - c x r - s.
+    """
+    before = np.flatnonzero(problem.chain.children == s)
+    if not len(before):
+        return np.zeros(samples.shape), np.zeros(3), np.broadcast_to(arm, (*samples.shape, 3))
+    m = int(before[0])
+    bent = problem.bent[samples, m]
+    return bent, at.skin_turn[m], arm - bent[..., None] * (np.cross(at.skin_turn[m], arm) + at.skin_slide[m])
+
+
+def whitening(problem: Problem, start: int, stop: int) -> Array:
+    """What makes the joints' rows (T, J, J) of one size and independent: the inverse root of the covariance that the sensors' noise has at the joints."""
+    v = problem.acc_sd**2
+    share = NUMEROV**2 / (NUMEROV**2).sum()
+    v = share[0] * v[start - 1 : stop - 1] + share[1] * v[start:stop] + share[2] * v[start + 1 : stop + 1]
+    a = problem.chain.incidence
+    return np.asarray(np.linalg.inv(np.linalg.cholesky((a * v[:, None]) @ a.T)))
+
+
+def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+    """(4.10a), (4.13): both segments of a hinge have its axis in common."""
+    chain, c = problem.chain, columns(problem.chain)
+    stop = min(stop, len(problem))
+    T, H, S, sd = stop - start, len(chain.hinges), len(chain.sensors), np.radians(problem.noise.hinge)
+    R = quat.matrix(at.q_GS[start:stop])
+    J, samples = len(chain.joints), np.arange(start, stop)
+    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 3 * J))
+    for h, joint in enumerate(chain.hinges):
+        for sign, s, still, place in (
+            (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
+            (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
+        ):
+            bent, c_S, _ = _pulled(problem, at, int(s), still, samples)
+            axis = still - bent[:, None] * np.cross(c_S, still)
+            r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
+            by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
+            by_parameters[:, h, :, place : place + 2] = (
+                sign * R[:, s] @ (np.eye(3) - bent[:, None, None] * quat.skew(c_S)) @ tangents(still[None])[0]
+            )
+            for m in np.flatnonzero(chain.children == s):
+                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * bent[:, None, None] * R[:, s] @ quat.skew(still)
+    cols = _cols(c.axis_far, c.axis_near, c.skin_turn)
+    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, -1), cols)
+
+
+def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+    """(4.15): the root's acceleration is zero on average; this is what tells the vertical."""
+    c, S = columns(problem.chain), len(problem.chain.sensors)
+    stop = min(stop, len(problem))
+    sd = problem.noise.still
+    R, f = quat.matrix(at.q_GS[start:stop, 0]), problem.acc[start:stop, 0] - at.bias_acc[0]
+    r = (np.einsum("tij,tj->ti", R, f) - [0.0, 0.0, GRAVITY]) / sd
+    by = np.zeros((stop - start, 3, S, 3))
+    by[:, :, 0] = -R @ quat.skew(f) / sd
+    first = c.bias_acc.start
+    return Terms(start, 1, r, by.reshape(stop - start, 3, -1), -R / sd, np.arange(first, first + 3))
+
+
+def beginning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
+    """(4.16): where the sensors begin, as good as not known; but for the root's heading, that nothing else tells."""
+    S, T = len(problem.chain.sensors), int(start == 0)
+    sd = np.full((S, 3), BEGINNING_SD)
+    sd[0, 2] = HEADING_SD
+    off = quat.log(quat.multiply(at.q_GS[:T], quat.conjugate(problem.start)))
+    by = np.zeros((T, S, 3, S, 3))
+    turned = inverse_jacobian(-off) @ quat.matrix(quat.normalize(at.q_GS[:T])) if T else np.empty((0, S, 3, 3))
+    for s in range(S):
+        by[:, s, :, s] = turned[:, s] / sd[s, :, None]
+    return Terms(0, 1, (off / sd).reshape(T, 3 * S), by.reshape(T, 3 * S, 3 * S), np.empty((T, 3 * S, 0)), np.empty(0, np.intp))
+
+
+EVERY_SAMPLE: tuple[Callable[[Problem, Unknowns, int, int], Terms], ...] = (turning, meeting, hinging, staying, beginning)
+
+
+def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
+    """(4.3.1) and what defines the segments' frames: residuals (m,) and their derivatives by the parameters (m, P)."""
+    chain, noise, c = problem.chain, problem.noise, columns(problem.chain)
+    sizes = (
+        (c.far, at.far, noise.place),
+        (c.near, at.near, noise.place),
+        (c.bias_gyr, at.bias_gyr, np.radians(noise.gyr_bias)),
+        (c.bias_acc, at.bias_acc, noise.acc_bias),
+        (c.skin_turn, at.skin_turn, np.radians(noise.skin_turn) / (np.pi / 2)),
+        (c.skin_slide, at.skin_slide, 1e-3 * noise.skin_slide / (np.pi / 2)),
+        (c.delay, at.delay, 1e-3 * noise.delay),
+    )
+    r, by = [], []
+    for where, value, sd in sizes:
+        flat = np.ravel(value)
+        r.append(flat / sd)
+        by.append(np.eye(c.count)[where] / sd)
+    for h in range(len(chain.hinges)):
+        for off, slope in _framing(problem, at, c, h):
+            r.append(np.array([off]))
+            by.append(slope[None])
+    return np.concatenate(r), np.concatenate(by)
+
+
+def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[float, Array]]:
+    """Where along a hinge's axis its centre lies is told by no movement: the axis is square to the bones, and the sensors sit over them."""
+    chain, joint, found = problem.chain, int(problem.chain.hinges[h]), []
+    for s, axis, place in (
+        (chain.parents[joint], at.axis_far[h], c.axis_far.start + 2 * h),
+        (chain.children[joint], at.axis_near[h], c.axis_near.start + 2 * h),
+    ):
+        before, after = np.flatnonzero(chain.children == s), np.flatnonzero(chain.parents == s)
+        arms = [(1.0, at.near[k], c.near.start + 3 * k) for k in before] + [(1.0, at.far[k], c.far.start + 3 * k) for k in after]
+        sums = [([arm], problem.noise.aside) for arm in arms]
+        if len(before) == 1 and len(after) == 1:  # a bone between two joints
+            sums.append(([(-1.0, *arms[0][1:]), arms[1]], problem.noise.bone))
+        for parts, sd in sums:
+            along: Array = np.sum([sign * arm for sign, arm, _ in parts], axis=0)
+            slope = np.zeros(c.count)
+            for sign, _, column in parts:
+                slope[column : column + 3] = sign * axis
+            slope[place : place + 2] = tangents(axis[None])[0].T @ along
+            found.append((float(along @ axis) / (1e-3 * sd), slope / (1e-3 * sd)))
+    return found
+
+
+def right_jacobian(v: Array) -> Array:
+    """exp(v + dv) = exp(v) exp(right_jacobian(v) dv), rotation vectors (..., 3) -> (..., 3, 3). Source: Sola et al. 2018, (143)."""
+    size = np.linalg.norm(v, axis=-1)[..., None, None]
+    small = size < 1e-4
+    safe = np.where(small, 1.0, size)
+    K = quat.skew(v)
+    one = np.where(small, 0.5 - size**2 / 24, (1 - np.cos(safe)) / safe**2)
+    two = np.where(small, 1 / 6 - size**2 / 120, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) - one * K + two * K @ K)
+
+
+def inverse_jacobian(v: Array) -> Array:
+    """The inverse of right_jacobian(v) (..., 3, 3). Source: Sola et al. 2018, (144)."""
+    size = np.linalg.norm(v, axis=-1)[..., None, None]
+    small = size < 1e-3
+    safe = np.where(small, 1.0, size)
+    K = quat.skew(v)
+    two = np.where(small, 1 / 12 + size**2 / 720, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
+    return np.asarray(np.eye(3) + 0.5 * K + two * K @ K)
+
+
+def _cols(*slices: slice) -> Indices:
+    return np.concatenate([np.arange(s.start, s.stop) for s in slices])

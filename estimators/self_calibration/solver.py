@@ -1,0 +1,119 @@
+"""Levenberg's and Marquardt's way down to the most probable movement and parameters.
+
+In      a Problem and where to begin
+Out     Solution: the place of the minimum, how it was reached, the factor of its normal equations (posterior.py makes covariances of it)
+Source  Kortier, thesis (4.7), (4.19); damping: Nielsen 1999, IMM-REP-1999-05; outliers: weights of Huber's loss, by sensor and sample
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from estimators.self_calibration import normal_equations, posterior, residuals
+from estimators.self_calibration.normal_equations import Factor
+from estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
+
+CHUNK = 1024  # samples whose derivatives are in memory at once
+GROSS = 10.0  # usual errors by which a first guess may be off
+MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
+Outcome = Literal["converged", "not converged", "stopped"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    iterations: int = 60
+    least_gain: float = (
+        0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
+    )
+    rounds: int = 3  # in which the sizes of errors are learnt and knocks are found
+    knock: float = 4.0  # beyond so many standard deviations a sample counts as if its noise were larger
+
+
+@dataclass(frozen=True)
+class Solution:
+    at: Unknowns
+    problem: Problem  # with the noise as it was found to be
+    outcome: Outcome
+    costs: tuple[float, ...]  # half the sum of squares at the start and after each step
+    factor: Factor  # of the normal equations there
+
+
+def solve(
+    problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
+) -> Solution:
+    """Go down from `start`; `go_on` hears iteration and cost after every step and stops it by saying no."""
+    at, damping, growth = start, 1e-4, 2.0
+    costs: list[float] = [cost(problem, at)]
+    outcome: Outcome = "not converged"
+    for k in range(limits.iterations):
+        problem = bent(problem, at)
+        costs[-1] = cost(problem, at)
+        normal = built(problem, at)
+        while True:
+            try:
+                step = normal_equations.step(normal, normal_equations.factored(normal, damping))
+                there = moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
+                reached = cost(problem, there)
+            except np.linalg.LinAlgError:
+                reached = np.inf
+            if reached < costs[-1] or damping > 1e8:
+                break
+            damping, growth = damping * growth, growth * 2
+        if not reached < costs[-1]:
+            outcome = "converged" if k else "not converged"
+            break
+        gain = costs[-1] - reached
+        at, damping, growth = there, damping * 0.1, 2.0
+        costs.append(reached)
+        if gain < limits.least_gain:
+            outcome = "converged"
+            break
+        if not go_on(k + 1, reached):
+            outcome = "stopped"
+            break
+    return Solution(at, problem, outcome, tuple(costs), normal_equations.factored(built(problem, at)))
+
+
+def learnt(
+    problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
+) -> Solution:
+    """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
+    found, steps = solve(_without_knocks(problem, start, GROSS), start, limits, go_on), 0
+    for _ in range(limits.rounds - 1):
+        if found.outcome != "converged":
+            break
+        steps += len(found.costs) - 1
+        doubted = _without_knocks(found.problem, found.at, limits.knock)
+        noise = posterior.learnt(doubted, found.at, found.factor)
+        found = solve(resized(doubted, noise), found.at, limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
+    return found
+
+
+def _without_knocks(problem: Problem, at: Unknowns, limit: float) -> Problem:
+    """The problem with samples that are off by more than `limit` usual errors of their sensor trusted less."""
+    off = posterior.strange(problem, at)
+    return resized(problem, problem.noise, np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0))
+
+
+def cost(problem: Problem, at: Unknowns) -> float:
+    """Half the sum of the squared residuals (4.19)."""
+    total = 0.5 * float((residuals.priors(problem, at)[0] ** 2).sum())
+    for start in range(0, len(problem), CHUNK):
+        for kind in residuals.EVERY_SAMPLE:
+            total += 0.5 * float((kind(problem, at, start, start + CHUNK).r ** 2).sum())
+    return total
+
+
+def built(problem: Problem, at: Unknowns) -> normal_equations.Normal:
+    """The normal equations at a place."""
+    each = 3 * len(problem.chain.sensors)
+    normal = normal_equations.empty(len(problem), each, columns(problem.chain).count)
+    for start in range(0, len(problem), CHUNK):
+        for kind in residuals.EVERY_SAMPLE:
+            normal_equations.add(normal, kind(problem, at, start, start + CHUNK))
+    r, K = residuals.priors(problem, at)
+    normal.C[...] += K.T @ K
+    normal.c[...] += K.T @ r
+    return normal

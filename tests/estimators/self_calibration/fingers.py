@@ -1,0 +1,46 @@
+"""Artificial fingers for the tests, and what is known of them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from estimators.quaternions import Array
+from estimators.self_calibration import first_guess
+from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, posed
+from estimators.simulation import artificial_finger
+from estimators.simulation.artificial_finger import SEGMENTS
+from estimators.simulation.scenario import Simulated
+from estimators.simulation.sensors import IDEAL
+
+WHITE = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)  # MPU-9250: noise and constant biases only
+SKIN = replace(WHITE, skin_angle=2.0, skin_shift=1.0)
+HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+
+
+@cache
+def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
+    return artificial_finger.recorded(np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration)
+
+
+def readings(recording: Simulated) -> Readings:
+    block = recording.samples["imu"]
+    sure = np.ones(block.values.shape[:2])
+    return Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
+
+
+def cold(recording: Simulated, noise: Noise | None = None) -> tuple[Problem, Unknowns]:
+    """The problem and where the solver begins from nothing."""
+    noise, read = noise or Noise(), readings(recording)
+    guess = first_guess.unknowns(HINGED, noise, read)
+    return posed(HINGED, noise, read, guess.q_GS[0]), guess
+
+
+def lengths(at: Unknowns) -> Array:
+    """Of the proximal and the middle phalanx, m."""
+    return np.asarray(np.linalg.norm(at.far[1:] - at.near[:-1], axis=1))
+
+
+def distances(at: Unknowns) -> Array:
+    """Sensors to hinges: board, proximal, middle, distal, m."""
+    return np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from estimators.quaternions import Array
+from estimators.self_calibration import normal_equations
+from estimators.self_calibration.normal_equations import Normal
+from estimators.self_calibration.residuals import Terms
+
+N, E, P = 9, 4, 3
+
+
+@pytest.fixture(scope="module")
+def problem() -> tuple[Normal, Array, Array]:
+    """A linear problem with residuals over one, two and three samples; the same as one dense matrix and right-hand side."""
+    rng = np.random.default_rng(0)
+    normal, rows, values = normal_equations.empty(N, E, P), [], []
+    for knots in (1, 2, 3):
+        T = N - knots + 1
+        J, K, r = rng.normal(size=(T, 5, knots * E)), rng.normal(size=(T, 5, 2)), rng.normal(size=(T, 5))
+        normal_equations.add(normal, Terms(0, knots, r, J, K, np.array([0, 2])))
+        for t in range(T):
+            whole = np.zeros((5, N * E + P))
+            whole[:, t * E : (t + knots) * E], whole[:, [N * E, N * E + 2]] = J[t], K[t]
+            rows.append(whole)
+            values.append(r[t])
+    normal.C[1, 1] += 2.0  # a prior
+    rows.append(np.sqrt(2.0) * np.eye(N * E + P)[N * E + 1 : N * E + 2])
+    values.append(np.zeros(1))
+    return normal, np.concatenate(rows), np.concatenate(values)
+
+
+def test_the_step_is_that_of_a_dense_solver(problem: tuple[Normal, Array, Array]) -> None:
+    normal, J, r = problem
+    factor = normal_equations.factored(normal)
+    step = normal_equations.step(normal, factor)
+    dense = -np.linalg.lstsq(J, r)[0]
+    np.testing.assert_allclose(np.concatenate([step.turns.ravel(), step.parameters]), dense, atol=1e-12)
+    np.testing.assert_allclose(factor.covariance, np.linalg.inv(J.T @ J)[N * E :, N * E :], atol=1e-13)
+
+
+def test_draws_have_the_equations_covariance(problem: tuple[Normal, Array, Array]) -> None:
+    """A draw is linear in its numbers: unit numbers give the columns of a root of the covariance."""
+    normal, J, _ = problem
+    factor = normal_equations.factored(normal)
+    columns = []
+    for one in np.eye(N * E + P):
+        step = normal_equations.drawn(factor, one[: N * E].reshape(N, E), one[N * E :])
+        columns.append(np.concatenate([step.turns.ravel(), step.parameters]))
+    root = np.array(columns).T
+    np.testing.assert_allclose(root @ root.T, np.linalg.inv(J.T @ J), atol=1e-13)
+
+
+def test_what_nothing_tells_is_an_error() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        normal_equations.factored(normal_equations.empty(3, 2, 1))

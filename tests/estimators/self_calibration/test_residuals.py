@@ -1,0 +1,129 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
+from estimators.quaternions import Array
+from estimators.self_calibration import residuals
+from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, moved, posed, turned
+from estimators.simulation import artificial_finger
+from estimators.simulation.scenario import Simulated
+from estimators.simulation.sensors import IDEAL
+from tests.estimators.self_calibration.fingers import HINGED, readings
+
+SAMPLES = 6
+HUMAN = chain(("hand", "index_proximal", "index_middle", "index_distal", "thumb_metacarpal", "thumb_proximal"))
+
+
+def _somewhere() -> tuple[Problem, Unknowns]:
+    """A problem without sense and a place without sense: derivatives must hold everywhere."""
+    rng, links = np.random.default_rng(0), HUMAN
+    S, J, H = len(links.sensors), len(links.joints), len(links.hinges)
+    sure = rng.uniform(1, 2, (SAMPLES, S))
+    read = Readings(0.01, rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3)), sure, sure)
+    q = quat.normalize(rng.normal(size=(SAMPLES, S, 4)))
+    q = quat.multiply(q[:1], quat.exp(0.1 * rng.normal(size=(SAMPLES, S, 3))))
+    axes = rng.normal(size=(2, H, 3))
+    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    arms, skin = 0.03 * rng.normal(size=(2, J, 3)), 0.05 * rng.normal(size=(2, J, 3))
+    at = Unknowns(
+        q, *arms, 0.01 * rng.normal(size=(S, 3)), 0.05 * rng.normal(size=(S, 3)), *axes, skin[0], 0.01 * skin[1], np.array([0.002])
+    )
+    problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1))
+    return replace(problem, bent=rng.normal(size=(SAMPLES, J))), at
+
+
+@pytest.mark.parametrize("kind", residuals.EVERY_SAMPLE, ids=lambda k: k.__name__)
+@pytest.mark.parametrize("stretch", [(0, SAMPLES), (0, 3), (2, 5)])
+def test_derivatives_of_a_residual(kind: Callable[..., residuals.Terms], stretch: tuple[int, int]) -> None:
+    problem, at = _somewhere()
+    terms = kind(problem, at, *stretch)
+    S, P = len(problem.chain.sensors), columns(problem.chain).count
+    each, m = 3 * S, terms.r.shape[1]
+    analytic_x, analytic_p = np.zeros((len(terms.r), m, SAMPLES * each)), np.zeros((len(terms.r), m, P))
+    for t in range(len(terms.r)):
+        first = (terms.first + t) * each
+        analytic_x[t, :, first : first + terms.knots * each] = terms.by_turns[t]
+    analytic_p[:, :, terms.cols] = terms.by_parameters
+    numeric = _derivative(lambda x: kind(problem, _changed(problem, at, x), *stretch).r, SAMPLES * each + P, _steps(problem))
+    scale = np.abs(numeric).max(initial=1.0)
+    np.testing.assert_allclose(np.concatenate([analytic_x, analytic_p], axis=2), numeric, atol=2e-7 * scale)
+
+
+def test_derivatives_of_the_priors() -> None:
+    problem, at = _somewhere()
+    _, analytic = residuals.priors(problem, at)
+    P, n = columns(problem.chain).count, SAMPLES * 3 * len(problem.chain.sensors)
+    numeric = _derivative(lambda p: residuals.priors(problem, _changed(problem, at, np.concatenate([np.zeros(n), p])))[0], P)
+    np.testing.assert_allclose(analytic, numeric, atol=2e-7 * np.abs(numeric).max())
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1e-3, 0.3, 2.0])
+def test_jacobians_of_rotation_vectors(size: float) -> None:
+    v = size * np.array([0.6, -0.48, 0.64])
+    numeric = _derivative(lambda d: quat.log(quat.relative(quat.exp(v), quat.exp(v + d))), 3)
+    np.testing.assert_allclose(residuals.right_jacobian(v), numeric, atol=1e-8)
+    np.testing.assert_allclose(residuals.inverse_jacobian(v) @ residuals.right_jacobian(v), np.eye(3), atol=1e-10)
+
+
+def test_sensors_of_the_same_rate_turn_exactly() -> None:
+    """About an axis that stands still, by cubic rates: the quadrature is exact."""
+    t = np.arange(8.0)
+    w = np.stack([0.1 * t**3 - t, 2 * (0.1 * t**3 - t), 0 * t], axis=1)[:, None]
+    integral = 0.025 * t**4 - 0.5 * t**2
+    expected = np.diff(integral)[:, None] * [1.0, 2.0, 0.0]
+    np.testing.assert_allclose(turned(w, 1.0)[1:-1, 0], expected[1:-1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("skin", [False, True])
+def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
+    """A finger without noise: what second differences, and skin to first order, do not describe is far below an accelerometer's noise (0.02 m/s^2)."""
+    errors = replace(IDEAL, skin_angle=2.0, skin_shift=1.0) if skin else IDEAL
+    recording = artificial_finger.recorded(np.random.default_rng(0), errors, duration=10.0)
+    read, at, bends = readings(recording), *_truth(recording)
+    problem = replace(posed(HINGED, Noise(acc=1.0), read, at.q_GS[0]), bent=bends)
+    white = residuals.meeting(problem, at, 0, len(problem)).r
+    assert np.sqrt((white**2).mean()) < (4e-3 if skin else 5e-4)  # m/s^2: the noise was said to be 1
+    apart = np.radians(problem.noise.hinge) * residuals.hinging(problem, at, 0, len(problem)).r
+    assert np.degrees(np.abs(apart).max()) < (0.1 if skin else 1e-6)
+
+
+def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
+    """What the simulation knows, as unknowns, and how far its joints are bent (n, J)."""
+    worn, truth, hand = recording.sensors, recording.truth, recording.hand
+    rows = [SEGMENT[s] for s in HINGED.sensors]
+    angles = np.stack([truth.angles[:, JOINT[j], FLEXION] for j in HINGED.joints], axis=1)
+    pulled = np.concatenate([np.zeros((len(angles), 1)), angles], axis=1)
+    q_BS = quat.multiply(quat.exp(pulled[..., None] * worn.skin_turn), worn.q_BS)
+    if not worn.skin_turn[0].any():
+        q_BS[:, 0] = worn.q_BS[0]
+    else:
+        q_BS[:, 0] = quat.multiply(quat.exp(truth.angles[:, JOINT["middle_mcp"], FLEXION, None] * worn.skin_turn[0]), worn.q_BS[0])
+    geometry = artificial_finger.printed(hand)
+    bone = side_sign(hand) * np.array([0.0, artificial_finger.HINGES, 0.0])
+    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(geometry.joint_positions["middle_mcp"])
+    to_sensor = quat.conjugate(worn.q_BS)
+    far = quat.rotate(to_sensor[:3], np.array([knuckle, np.zeros(3), np.zeros(3)]) - worn.p_BS[:3])
+    near = quat.rotate(to_sensor[1:], -bone - worn.p_BS[1:])
+    axes = quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0]))
+    turn, slide = quat.rotate(to_sensor[1:], worn.skin_turn[1:]), quat.rotate(to_sensor[1:], worn.skin_slide[1:])
+    q_GS = quat.multiply(truth.q_GS[:, rows], q_BS)
+    return Unknowns(q_GS, far, near, np.zeros((4, 3)), np.zeros((4, 3)), axes[:3], axes[1:], turn, slide, np.zeros(1)), angles
+
+
+def _changed(problem: Problem, at: Unknowns, x: Array) -> Unknowns:
+    n = SAMPLES * 3 * len(problem.chain.sensors)
+    return moved(at, problem.chain, x[:n].reshape(SAMPLES, -1, 3), x[n:])
+
+
+def _steps(problem: Problem) -> Array:
+    return np.full(SAMPLES * 3 * len(problem.chain.sensors) + columns(problem.chain).count, 1e-6)
+
+
+def _derivative(f: Callable[[Array], Array], n: int, steps: Array | None = None) -> Array:
+    """Central differences (..., n)."""
+    sizes = np.full(n, 1e-6) if steps is None else steps
+    return np.stack([(f(d) - f(-d)) / (2 * h) for h, d in zip(sizes, np.diag(sizes))], axis=-1)

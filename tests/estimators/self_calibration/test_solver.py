@@ -1,0 +1,89 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators.self_calibration import normal_equations, posterior, solver
+from estimators.self_calibration.problem import columns
+from estimators.self_calibration.solver import Solution
+from estimators.simulation import artificial_finger
+from tests.estimators.self_calibration.fingers import cold, distances, lengths, recorded
+
+DURATION = 16.0
+
+
+@pytest.fixture(scope="module")
+def solved() -> Solution:
+    return solver.learnt(*cold(recorded(1, DURATION)))
+
+
+@pytest.fixture(scope="module")
+def with_skin() -> Solution:
+    return solver.learnt(*cold(recorded(2, DURATION, skin=True)))
+
+
+def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
+    assert solved.outcome == "converged"
+    np.testing.assert_allclose(lengths(solved.at), artificial_finger.HINGES, rtol=0.01)
+    np.testing.assert_allclose(distances(solved.at), artificial_finger.DISTANCES, rtol=0.01)
+    np.testing.assert_allclose(solved.at.bias_gyr, recorded(1, DURATION).sensors.bias[:, :3], atol=np.radians(0.05))
+    np.testing.assert_allclose(solved.at.bias_acc, recorded(1, DURATION).sensors.bias[:, 3:6], atol=0.02)
+    assert abs(solved.at.delay[0]) < 1e-4
+
+
+def test_skin_that_follows_the_joint_is_told_apart(with_skin: Solution) -> None:
+    assert with_skin.outcome == "converged"
+    np.testing.assert_allclose(lengths(with_skin.at), artificial_finger.HINGES, rtol=0.01)
+    np.testing.assert_allclose(distances(with_skin.at), artificial_finger.DISTANCES, rtol=0.03)
+
+
+def test_the_size_of_the_noise_is_found(solved: Solution) -> None:
+    white = 300e-6 * 9.80665 * np.sqrt(50.0)  # m/s^2 a sample
+    assert solved.problem.noise.acc == pytest.approx(white, rel=0.05)
+    assert solved.problem.noise.skin_turn < 0.5  # there is none, the first belief was 3 deg
+
+
+@pytest.mark.parametrize("which", ["solved", "with_skin"])
+def test_standard_deviations_are_honest(which: str, request: pytest.FixtureRequest) -> None:
+    found: Solution = request.getfixturevalue(which)
+    drawn = np.array([lengths(at) for at in posterior.draws(found.problem, found.at, found.factor, 60)])
+    off = (lengths(found.at) - artificial_finger.HINGES) / drawn.std(axis=0)
+    assert np.abs(off).max() < 3.0
+    assert drawn.std(axis=0).max() < 0.01 * artificial_finger.HINGES
+
+
+def test_numbers_for_draws_are_normal_and_independent() -> None:
+    a, b = posterior.normal_numbers(20000, 0), posterior.normal_numbers(20000, 1)
+    for moment, expected in ((a.mean(), 0), (a.std(), 1), ((a**4).mean() / 3, 1), ((a * b).mean(), 0), ((a[1:] * a[:-1]).mean(), 0)):
+        assert moment == pytest.approx(expected, abs=0.05)
+
+
+def test_draws_agree_with_the_covariance(solved: Solution) -> None:
+    c = columns(solved.problem.chain)
+    drawn = np.array([at.bias_gyr.ravel() for at in posterior.draws(solved.problem, solved.at, solved.factor, 150)])
+    np.testing.assert_allclose(drawn.std(axis=0), np.sqrt(np.diag(solved.factor.covariance)[c.bias_gyr]), rtol=0.2)
+
+
+def test_the_minimum_is_one(solved: Solution) -> None:
+    """The gradient is gone: no parameter wants to move by more than a tenth of its standard deviation."""
+    step = normal_equations.step(solver.built(solved.problem, solved.at), solved.factor)
+    assert np.abs(step.parameters / np.sqrt(np.diag(solved.factor.covariance))).max() < 0.1
+
+
+def test_a_knock_is_trusted_less(solved: Solution) -> None:
+    """A sensor hit for three samples changes nothing that matters."""
+    problem, guess = cold(recorded(1, DURATION))
+    acc = problem.acc.copy()
+    acc[600:603, 2] += [40.0, -60.0, 25.0]
+    found = solver.learnt(replace(problem, acc=acc), guess)
+    assert found.outcome == "converged"
+    assert found.problem.acc_sd[601, 2] > 10 * np.median(found.problem.acc_sd)
+    np.testing.assert_allclose(lengths(found.at), lengths(solved.at), rtol=0.003)
+
+
+def test_it_stops_when_told_to() -> None:
+    problem, guess = cold(recorded(1, DURATION))
+    heard: list[int] = []
+    found = solver.learnt(problem, guess, go_on=lambda k, cost: heard.append(k) or k < 2)
+    assert found.outcome == "stopped"
+    assert heard == [1, 2]
