@@ -137,7 +137,9 @@ def vectors_row(
                 r = R_pc[j, a]
                 missed[3 * j + a] = acc[j, a] - (r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2])  # (2.25)
     for j in range(2):
-        shared = -0.5 * lasts * math.sqrt(variance[j] * variance[j + 1])
+        shared = (
+            -0.5 * lasts * math.sqrt(variance[j] * variance[j + 1]) * used[j] * used[j + 1]
+        )  # what is not used misses nothing, and tells nothing
         for a in range(3):
             for b in range(3):
                 noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = shared * R_pc[j, a, b]

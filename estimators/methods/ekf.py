@@ -96,12 +96,18 @@ def _bias_sd(params: Params, calibration: Calibration) -> Array:
 def _seats(params: Params, calibration: Calibration) -> Seats:
     """How well it is known how each sensor sits: as the movements of a functional calibration told, else as sensors are put on."""
     told = [SEGMENT[s] for s in calibration.q_BS_sd]
-    covariance = np.radians(params.misalignment) ** 2 * np.eye(3 * len(SEGMENTS))
+    covariance = _askew(params, calibration) ** 2 * np.eye(3 * len(SEGMENTS))
     places = (3 * np.array(told, int)[:, None] + np.arange(3)).ravel()
     covariance[np.ix_(places, places)] = calibration.told_together()
     chains = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
     aligned = np.array([params.alignment != "heading" and k not in told for k in range(len(SEGMENTS))])
     return Seats(covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS])
+
+
+def _askew(params: Params, calibration: Calibration) -> float:
+    """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those about the two level axes that the pose has seen."""
+    seen = np.array([q.misalignment for q in calibration.quality.values()])
+    return max(float(np.radians(params.misalignment)), float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0)
 
 
 def _fused(calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
