@@ -8,7 +8,7 @@ Limits  a pose that is not the one asked for becomes an offset of every angle; a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,10 @@ from estimators.time_base import measured_rates
 STANDARD_GRAVITY = 9.80665
 RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
 DEG = np.pi / 180
+THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
+
+
+UNCALIBRATED = "nothing was calibrated: how the sensors sit and where they point is assumed, and every angle may be off by tens of degrees"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,7 @@ class Pose:
     onset: float  # s
     duration: float  # s
     thumb_cmc: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad: flexion, deviation, pronation
+    passive: bool = False  # the therapist laid the hand so
 
     @property
     def end(self) -> float:
@@ -78,7 +83,7 @@ def pose_of(event: Event) -> Pose:
         raise InputError(
             f"the initial pose at {event.onset:.1f} s gives the thumb's angles {angles}; they are numbers of degrees"
         ) from None
-    return Pose(event.onset, event.duration, (known[0] * DEG, known[1] * DEG, known[2] * DEG))
+    return Pose(event.onset, event.duration, (known[0] * DEG, known[1] * DEG, known[2] * DEG), event.details.get("held_by") == THERAPIST)
 
 
 def segments_in_pose(pose: Pose) -> dict[str, Array]:
@@ -106,13 +111,25 @@ def calibrate(
     rates = measured_rates(b.between(pose.onset, pose.end) for b in blocks)
     warnings = (*_warnings(still, mounting, q_GS, pose), *rate_warnings(rates, [b.stream for b in blocks]))
     north = _norths(q_GS, [b.between(start, end) for b in blocks])
-    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, "initial pose", quality, warnings, north, rates)
+    source = "initial pose given by the therapist" if pose.passive else "initial pose"
+    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, source, quality, warnings, north, rates)
 
 
 def uncalibrated(hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], sensors: Sequence[str], t: float) -> Calibration:
     """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
     nominal = {s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors if s in SEGMENTS}
     return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
+
+
+def guessed(params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block]) -> Calibration:
+    """Without any pose, for a method that needs one: nominal mounting, gravity of this moment, headings as if every segment pointed as the hand does."""
+    window = [b for b in blocks if b.stream.inertial and len(b.t)]
+    still = {name: s for b in window for name, s in held(b).items()}
+    if "hand" not in still:
+        raise InputError("there are no samples of the hand's sensor; every other segment is measured against it")
+    start, end = min(float(b.t[0]) for b in window), max(float(b.t[-1]) for b in window)
+    q_GS, q_BS = _orient(replace(params, alignment="heading"), still, mounting, Pose(start, end - start), palm_down(hand))
+    return Calibration(hand, geometry, start, end, q_GS, q_BS, {}, "none", {}, (UNCALIBRATED,), _norths(q_GS, blocks))
 
 
 def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tuple[str, ...]:

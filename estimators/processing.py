@@ -48,6 +48,8 @@ def process(
     calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
     moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
     findings = findings_of(recording, calibrations)
+    if method.NEEDS_POSE:
+        flag_guesses(moved, calibrations)
     flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
     said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
@@ -92,6 +94,14 @@ def flag_faults(moved: Trajectory, findings: Sequence[Finding], poses: Sequence[
                     )
 
 
+def flag_guesses(moved: Trajectory, calibrations: Sequence[Calibration]) -> None:
+    """Mark what rests on defaults instead of a calibration."""
+    ends = [*(c.t for c in calibrations[1:]), np.inf]
+    for calibration, end in zip(calibrations, ends):
+        for segment in calibration.q_BS if calibration.source == "none" else ():
+            _mark(moved, segment, -np.inf if calibration is calibrations[0] else calibration.t, end, Flag.UNCALIBRATED)
+
+
 def _mark(moved: Trajectory, segment: str, start: float, stop: float, flag: Flag) -> None:
     first, last = np.searchsorted(moved.t, [start - 1e-9, stop + 1e-9])
     moved.flags[first:last, SEGMENT[segment]] |= np.uint8(flag)
@@ -121,6 +131,8 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
     if found and other is None:
         pieces, spoilt = functional_pieces(params, recording, found)
         return _functional(params, recording, pieces, found), [*refused, *_flat_hand_told(recording), *spoilt]
+    if other is None and (defaults := _defaults(params, recording)):
+        return [defaults], refused
     if other is None:
         raise InputError(
             refused[0] if refused else f"{WITHOUT_POSE}; record 3 s of it, or take one from another recording with --calibration"
@@ -129,6 +141,14 @@ def calibrate(params: Any, recording: Recording, other: Recording | None = None)
         raise InputError(f"the calibration recording is of the {other.hand} hand, the recording of the {recording.hand} one")
     borrowed, more = calibrate(params, other)
     return _borrowed(recording, borrowed[-1], found), refused + more
+
+
+def _defaults(params: Any, recording: Recording) -> Calibration | None:
+    """What somebody decided to go on with who could not calibrate: an annotation with `calibration: none` says when."""
+    for event in (e for e in recording.events if e.trial_type == "annotation" and e.details.get("calibration") == "none"):
+        window = _window(recording, event.onset, event.end)
+        return initial_pose.guessed(params, recording.hand, recording.geometry, recording.mounting, window)
+    return None
 
 
 def functional_pieces(params: Any, recording: Recording, poses: Sequence[Calibration]) -> tuple[dict[str, Piece], list[str]]:

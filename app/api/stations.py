@@ -69,7 +69,7 @@ def act(parts: PartsDep, language: LanguageDep, name: str, wish: Wish) -> dict[s
     if isinstance(station, Replay):
         station.act(wish.action, wish.value)
     else:
-        station.act(wish.action, wish.task, wish.reason, wish.group)
+        station.act(wish.action, wish.task, wish.reason, wish.group, wish.value)
     return told(station, language)
 
 

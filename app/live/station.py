@@ -26,12 +26,14 @@ from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import Protocol
 from app.scene.hand_scene import HandScene
 from app.version import software_version
+from estimators import calibration_quality
 from estimators.calibration import Calibration
+from estimators.calibration_quality import JointQuality
 from estimators.errors import InputError
 from estimators.functional_steps import Piece
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
-from estimators.initial_pose import DEG, Pose
+from estimators.initial_pose import DEG, THERAPIST, Pose
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.simulation.tasks import POSE_THUMB
@@ -121,7 +123,7 @@ class Station:
     def ended(self) -> bool:
         return self._stop.is_set()
 
-    def act(self, what: str, task: str = "", reason: str = "", group: str = "") -> None:
+    def act(self, what: str, task: str = "", reason: str = "", group: str = "", value: float | None = None) -> None:
         """A person's wish; InputError where it cannot be done now."""
         try:
             wish = Act(what)
@@ -130,7 +132,7 @@ class Station:
         with self._lock:
             facts = self._now()
             try:
-                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason, group)
+                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason, group, value)
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
@@ -214,15 +216,17 @@ class Station:
         return ""
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
-        if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_REVIEW, State.STEP_REVIEW):
+        if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
             self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end)
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)
             elif order.kind == "calibrate":
-                self._calibrate(order, facts)
+                self._calibrate(order)
+            elif order.kind == "guess":
+                self._guess(facts)
             elif order.kind == "drop_pose":
-                self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
+                self._drop_pose()
             elif order.kind == "keep_attempt":
                 self._keep(order)
             elif order.kind == "measure_step":
@@ -247,19 +251,68 @@ class Station:
         if name:
             self.glove.send(Cue(name, details))
 
-    def _calibrate(self, order: Order, facts: Facts) -> None:
-        pose = Pose(order.onset, order.end - order.onset, THUMB)
+    def _calibrate(self, order: Order) -> None:
+        """Compute off the tick: combining a pose with the steps of a functional calibration takes seconds."""
+        pose = Pose(order.onset, order.end - order.onset, THUMB, self._wizard.passive)
+        self.tracking.mounting = self.glove.assembler.mounting
+        threading.Thread(target=self._computed, args=(pose,), name=f"calibration {self.name}", daemon=True).start()
+
+    def _computed(self, pose: Pose) -> None:
+        """In a thread of its own: the pose's calibration, or why there is none."""
+        calibration, refusal = None, ""
+        try:
+            calibration = self.tracking.calibrate(pose)
+        except InputError as problem:
+            refusal = str(problem)
+        except Exception:  # the wizard must not wait for ever
+            log.exception("station %s", self.name)
+            refusal = "the calibration could not be computed; take the pose again"
+        with self._lock:
+            facts = self._now()
+            if self.ended:
+                return
+            if calibration is None:
+                self._wizard = wizard.refused(self._wizard, facts, refusal)
+            else:
+                self._calibration = calibration
+                self._keep_pose(pose)
+                self.scene.measured(_measured_fingers(calibration))
+                poor = sum(j.grade == "poor" for j in self.joints())
+                self._wizard, orders = wizard.posed(self._wizard, facts, poor)
+                self._do(orders, facts)
+        self._notify()
+
+    def _keep_pose(self, pose: Pose) -> None:
+        self.attempt_numbers += 1
+        details: dict[str, Any] = {f"thumb_cmc_{name}_deg": value for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)}
+        if pose.passive:
+            details["held_by"] = THERAPIST
+        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(pose.onset, pose.duration, "initial_pose", details))
+        self.scene.face_ahead()
+
+    def _guess(self, facts: Facts) -> None:
+        """Nobody could calibrate: defaults, and the recording says so."""
         self.tracking.mounting = self.glove.assembler.mounting
         try:
-            self._calibration = self.tracking.calibrate(pose)
+            self._calibration = c = self.tracking.guess()
         except InputError as problem:
             self._wizard = wizard.refused(self._wizard, facts, str(problem))
             return
         self.attempt_numbers += 1
-        angles = {f"thumb_cmc_{name}_deg": value for name, value in zip(("flexion", "deviation", "pronation"), POSE_THUMB)}
-        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(pose.onset, pose.duration, "initial_pose", angles))
+        self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}))
         self.scene.face_ahead()
-        self.scene.measured(_measured_fingers(self._calibration))
+        self.scene.measured(_measured_fingers(c))
+
+    def _drop_pose(self) -> None:
+        """The newest pose is not to count: the one before it does again."""
+        self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
+        self._calibration = self.tracking.take_back()
+        self.scene.face_ahead()
+
+    def joints(self) -> list[JointQuality]:
+        """How good the calibration in force is for each joint; empty before the first."""
+        faulty = {f.sensor for f in self.tracking.findings if f.severity == "fault"}
+        return calibration_quality.of_joints(self._calibration, faulty) if self._calibration else []
 
     def _measure(self, order: Order) -> None:
         """A step of the calibration was done: it is kept in the recording under its own name, and judged."""
@@ -299,6 +352,8 @@ class Station:
             details |= protocol.details
             if protocol.trials > 1:
                 details["trial"] = self._wizard.accepted(order.task)
+            if protocol.score and order.score is not None:
+                details |= {"score": order.score, "score_title": protocol.score.title}
         onset = order.onset if np.isfinite(order.onset) else self.tracking.newest_sample()
         length = order.end - order.onset if np.isfinite(order.onset) else 0.0
         self.glove.keep_event(f"task-{self.attempt_numbers}", Event(onset, length, "task" if accepted else "annotation", details))

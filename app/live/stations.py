@@ -21,6 +21,7 @@ from sessions.store import Store
 from sessions.tables import PatientSession, Result
 
 log = logging.getLogger(__name__)
+CLOSE_WAIT = 30.0  # s that leaving waits for a session that somebody else is closing
 MOST_REPLAYS = 6  # beyond, the one that was used longest ago is closed
 AnyStation = Station | Replay
 MakeSetup = Callable[[PatientSession, Path, str, str], Setup]
@@ -32,6 +33,8 @@ class Stations:
     def __init__(self, on_finish: Callable[[Station], None]) -> None:
         self._stations: dict[str, AnyStation] = {}
         self._lock = threading.RLock()
+        self._idle = threading.Condition(self._lock)
+        self._closing = 0  # stations that are being closed now
         self._on_finish = on_finish
 
     def __enter__(self) -> "Stations":
@@ -40,6 +43,8 @@ class Stations:
     def __exit__(self, *_: object) -> None:
         for station in self.all():
             self.close(station.name)
+        with self._idle:  # a session that was just finished is kept before what keeps it is closed
+            self._idle.wait_for(lambda: not self._closing, CLOSE_WAIT)
 
     def open_live(self, setup: Setup) -> Station:
         """A station for a glove; InputError where another one uses it."""
@@ -97,11 +102,17 @@ class Stations:
         """End a station; a live one's recording is finished first, then `on_finish` hears of it."""
         with self._lock:
             station = self._stations.pop(name, None)
+            self._closing += station is not None
         if station is None:
             return
-        station.__exit__(None, None, None)
-        if isinstance(station, Station):
-            self._on_finish(station)
+        try:
+            station.__exit__(None, None, None)
+            if isinstance(station, Station):
+                self._on_finish(station)
+        finally:
+            with self._idle:
+                self._closing -= 1
+                self._idle.notify_all()
 
     def close_replays(self, sessions: Set[int]) -> None:
         """End every replay of these sessions: they were erased."""

@@ -9,6 +9,7 @@ from app.live import wizard as wz
 from app.live.wizard import Facts, State, Wizard
 from app.protocols import Protocol
 from estimators.calibration import Calibration
+from estimators.calibration_quality import JointQuality
 from estimators.functional_steps import Piece
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
 from estimators.measures import repetitions, tapping
@@ -17,13 +18,17 @@ if TYPE_CHECKING:
     from app.live.station import Station
 
 SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
+PASSIVE = (
+    "Initial pose, given by you",
+    "Lay the patient's hand as the blue hand shows: flat, fingers straight and together, thumb out sideways. Hold it on the table, then start.",
+)
 CLOSING = ("Initial pose again", "Lay the hand flat once more as the blue hand shows. With this pose the steps come into force.")
 SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi)  # shares: per cent
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {State.CONNECT: "connect", State.FINISHED: "finish"} | dict.fromkeys(
-    (State.POSE_READY, State.POSE_HOLD, State.POSE_REVIEW, *wz.STEPPING), "pose"
+    (State.POSE_READY, State.POSE_HOLD, State.POSE_WORK, State.POSE_REVIEW, *wz.STEPPING), "pose"
 )
 WORDS = {
     State.CONNECT: ("Put the glove on", "Bend one finger after the other: the finger that moves must light up."),
@@ -32,8 +37,13 @@ WORDS = {
         "Lay the hand flat, fingers straight and together, thumb stretched out sideways as the blue hand shows. Then start.",
     ),
     State.POSE_HOLD: ("Hold still", "Keep the hand exactly like this until the bar is full."),
+    State.POSE_WORK: ("One moment", "The calibration is being computed."),
     State.POSE_REVIEW: ("Does the hand look right?", "The 3-D hand should lie as the patient's hand does. If not, do the pose again."),
     State.TASKS: ("Choose a task", "Do the tasks in order, or only those you need."),
+    State.TASK_PAUSED: (
+        "Paused",
+        "The recording goes on. Start the trial again when the patient is ready, or keep what was done until now.",
+    ),
     State.TASK_REVIEW: ("Keep this one?", "Accept what was recorded, do it again, or skip the task with a reason."),
     State.STEP_REVIEW: ("This step is good", "Go on, or repeat it if the patient did something else."),
     State.FINISHED: ("Finished", "The recording is closed. The results are being computed."),
@@ -48,7 +58,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "hand": station.setup.hand,
         "wizard": told_of(wizard, facts),
         "glove": _glove(station, facts, problem),
-        "calibration": _calibration(calibration),
+        "calibration": _calibration(calibration, station.joints()),
         "step_quality": _quality(station.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
         "protocol_faults": list(station.setup.faults),
@@ -83,6 +93,8 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
         "title": title,
         "instruction": words,
         "message": w.message,
+        "proposal": w.proposal(facts),
+        "passive": w.passive,
         "actions": w.allowed(facts),
         "progress": round(wz.progress(w, facts), 3),
         "remaining": None if (left := wz.remaining(w, facts)) is None else round(left, 2),
@@ -93,6 +105,7 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
         "group": w.group,
         "groups": [_group(w, name, tasks) for name, tasks in w.groups(facts).items()],
         "calibration_steps": [_step(w, p) for p in w.steps_offered(facts)] if w.state in wz.STEPPING else [],
+        "score": _score(protocol) if w.state is State.TASK_REVIEW and protocol else None,
         "pace": _pace(w, protocol, facts) if in_task and protocol else None,
     }
 
@@ -103,6 +116,8 @@ def _words(w: Wizard) -> tuple[str, str]:
         return SPOILT
     if w.state is State.POSE_READY and w.closing:
         return CLOSING
+    if w.state is State.POSE_READY and w.passive:
+        return PASSIVE
     return WORDS.get(w.state, ("", ""))
 
 
@@ -118,6 +133,11 @@ def _quality(piece: Piece | None) -> dict[str, float] | None:
     if piece is None:
         return None
     return {name: round(value * SCALES.get(name, 100.0), DIGITS.get(name, 0)) for name, value in piece.quality.items()}
+
+
+def _score(p: Protocol) -> dict[str, Any] | None:
+    """What the clinician may say of the trial under review by eye."""
+    return None if p.score is None else {"title": p.score.title, "least": p.score.least, "most": p.score.most, "hint": p.score.hint}
 
 
 def _task(w: Wizard, p: Protocol) -> dict[str, Any]:
@@ -202,20 +222,24 @@ def _strips(station: "Station") -> list[dict[str, Any]]:
     return told
 
 
-def _calibration(c: Calibration | None) -> dict[str, Any] | None:
+def _calibration(c: Calibration | None, joints: list[JointQuality]) -> dict[str, Any] | None:
     if c is None:
         return None
-    worst = max(c.quality, key=lambda s: c.quality[s].rate_wander)
-    tilted = max(c.quality, key=lambda s: c.quality[s].misalignment)
-    return {
-        "source": c.source,
-        "stillness_deg_s": round(float(np.degrees(c.quality[worst].rate_wander)), 2),
-        "least_still": worst,
-        "misalignment_deg": round(float(np.degrees(c.quality[tilted].misalignment)), 1),
-        "most_misaligned": tilted,
-        "steps": len(c.steps),
-        "warnings": list(c.warnings),
-    }
+    told: dict[str, Any] = {"source": c.source, "steps": len(c.steps), "warnings": list(c.warnings), "joints": [_joint(j) for j in joints]}
+    if c.quality:
+        worst = max(c.quality, key=lambda s: c.quality[s].rate_wander)
+        tilted = max(c.quality, key=lambda s: c.quality[s].misalignment)
+        told |= {
+            "stillness_deg_s": round(float(np.degrees(c.quality[worst].rate_wander)), 2),
+            "least_still": worst,
+            "misalignment_deg": round(float(np.degrees(c.quality[tilted].misalignment)), 1),
+            "most_misaligned": tilted,
+        }
+    return told
+
+
+def _joint(j: JointQuality) -> dict[str, Any]:
+    return {"joint": j.joint, "grade": j.grade, "reason": j.reason, "segment": j.segment, "deg": round(float(np.degrees(j.value)), 1)}
 
 
 def _angles(station: "Station") -> list[dict[str, Any]]:
@@ -232,7 +256,7 @@ def _angles(station: "Station") -> list[dict[str, Any]]:
 
 def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]]:
     """Live numbers of the task or flexion that runs or was just done."""
-    if w.state not in (*wz.RUNNING, State.TASK_REVIEW, State.STEP_REVIEW) or w.protocol is None:
+    if w.state not in (*wz.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW) or w.protocol is None:
         return []
     if w.state in wz.STEPPING and not w.protocol.cycle:  # nothing bends
         return []

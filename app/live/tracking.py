@@ -6,30 +6,33 @@ Nothing here can hold up the recording: the queue is bounded, and full means tha
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators import functional_calibration, functional_steps, hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration
 from estimators.errors import InputError
+from estimators.finding import Finding
 from estimators.functional_steps import Piece
-from estimators.hand_anatomy import Hand
+from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
 from estimators.hand_filter import HandFilterParams, HandPath
 from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, join
-from estimators.trajectory import Trajectory
+from estimators.trajectory import Flag, Trajectory
 
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
 PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
+GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 PATIENCE = 0.1  # s that a silent strip is waited for
 
 
@@ -39,6 +42,17 @@ class Motion:
 
     rate: float  # rad/s, mean angular rate over the last second against its own mean
     seen: float  # s, newest sample
+
+
+@dataclass(frozen=True)
+class _Before:
+    """Where the tracker stood when a calibration took the place of another."""
+
+    seen: Mapping[str, float]  # s, newest sample that the state knows, by stream
+    calibration: Calibration | None
+    state: Any
+    findings: tuple[Finding, ...]
+    doubts: NDArray[np.uint8]
 
 
 class Tracking:
@@ -60,6 +74,9 @@ class Tracking:
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
         self.pieces: Mapping[str, Piece] = {}  # of a functional calibration, by step: every pose from now on is combined with them
+        self.findings: tuple[Finding, ...] = ()  # of the sensors, when they were looked at last
+        self._doubts = np.zeros(len(SEGMENTS), np.uint8)  # Flags that every row of a segment has until the next calibration
+        self._before: _Before | None = None  # what the newest calibration took the place of
         self._on_pose = on_pose
         self._queue: deque[Block] = deque()
         self._wake = threading.Condition()
@@ -98,8 +115,41 @@ class Tracking:
         if self.pieces:
             calibration = functional_calibration.combine(self.params, self.pieces, calibration, self.mounting)
         calibration = self._checked(calibration, window, pose)
-        self.begin(calibration)
+        self._replace(calibration)
         return calibration
+
+    def guess(self) -> Calibration:
+        """Start the method from defaults, without any pose: everything is flagged as not calibrated. InputError without the hand's sensor."""
+        calibration = initial_pose.guessed(
+            self.params, self.hand, self.geometry, self.mounting, self._since(self.newest_sample() - GUESSED_FROM)
+        )
+        self.findings = ()
+        self._replace(calibration)
+        return calibration
+
+    def take_back(self) -> Calibration | None:
+        """Go on as if the newest calibration had not been made: with the one before, from where the method stood then."""
+        before, self._before = self._before, None
+        with self._lock:
+            if before is None or before.calibration is None:
+                self.calibration, self._state, self._path_state = None, None, None
+                return None
+            self.calibration, self._state, self.findings, self._doubts = before.calibration, before.state, before.findings, before.doubts
+            self._path_state, self._path = None, deque()
+            self._poses.clear()
+            self._catch_up(before.seen)
+            return self.calibration
+
+    def faults(self) -> tuple[Finding, ...]:
+        """What is wrong with single sensors by the samples kept, as far as that can be told without a pose."""
+        return tuple(f for f in sensor_checks.check(self._since(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
+
+    def _replace(self, calibration: Calibration) -> None:
+        with self._lock:
+            seen = {name: float(blocks[-1].t[-1]) for name, blocks in self._samples.items() if blocks}
+            self._before = _Before(seen, self.calibration, self._state, self.findings, self._doubts)
+            self._doubts = doubts(calibration, self.findings, getattr(self.params, "MAGNETOMETER", False))
+            self._begin(calibration)
 
     def measure(self, step: str, onset: float, end: float) -> Piece:
         """What a step of a functional calibration tells that was just done; gyroscope biases are those of the pose."""
@@ -115,10 +165,11 @@ class Tracking:
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
         """The calibration with what is wrong with the sensors among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
-        found = sensor_checks.check(window, (calibration.t, calibration.end))
+        found = sensor_checks.check(window, (calibration.t, calibration.end))  # all of it: what stood still while others moved
         broken = {f.sensor for f in found if f.severity == "fault"}
         mounting = {**self.mounting, **{s: calibration.q_BS[s] for s in calibration.q_BS_sd}}  # told by movements: how it sits is known
         found += [f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken]
+        self.findings = tuple(found)
         return replace(calibration, warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))))
 
     def begin(self, calibration: Calibration) -> None:
@@ -159,6 +210,7 @@ class Tracking:
                 self._take(_joined(self._queue))
                 self._queue.clear()
                 self._state, rest = self.method.finish(self.params, self._state)
+                rest = self._doubted(rest)
                 if len(rest):
                     self._poses.append(rest)
         if self._state is not None and len(rest):
@@ -202,11 +254,15 @@ class Tracking:
         pieces = [p for p in (*pieces, late) if len(p)]
         if not pieces:
             return None
-        rows = trajectory.join(pieces, self.hand)
+        rows = self._doubted(trajectory.join(pieces, self.hand))
         self._poses.append(rows)
         while self._poses and self._poses[0].t[-1] < rows.t[-1] - PAST_POSES:
             self._poses.popleft()
         return rows
+
+    def _doubted(self, rows: Trajectory) -> Trajectory:
+        """The rows with what is known of their sensors since the calibration."""
+        return replace(rows, flags=rows.flags | self._doubts) if self._doubts.any() else rows
 
     def _follow(self, block: Block) -> None:
         """Take the hand's path on."""
@@ -222,9 +278,14 @@ class Tracking:
         self._path_state = hand_filter.start(HandFilterParams(), calibration)
         self._path.clear()
         self._state = self.method.start(self.params, calibration, self._streams())
-        later = [join(list(blocks)).between(calibration.t, np.inf) for blocks in self._samples.values() if blocks]
+        self._poses.clear()
+        self._catch_up(dict.fromkeys(self._samples, np.nextafter(calibration.t, -np.inf)))
+
+    def _catch_up(self, seen: Mapping[str, float]) -> None:
+        """Step through what was sampled later than that (s by stream)."""
+        first = {name: np.nextafter(t, np.inf) for name, t in seen.items()}
+        later = [join(list(blocks)).between(first.get(name, -np.inf), np.inf) for name, blocks in self._samples.items() if blocks]
         if any(len(b.t) for b in later):  # one block a stream: thousands of small steps would take seconds, and the queue run over
-            self._poses.clear()
             self._step([b for b in later if len(b.t)])
 
     def _streams(self) -> tuple[Any, ...]:
@@ -237,6 +298,17 @@ class Tracking:
         kept.append(block)
         while kept[0].t[-1] < block.t[-1] - PAST_SAMPLES:
             kept.popleft()
+
+
+def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: bool) -> NDArray[np.uint8]:
+    """The Flags (segments,) that a batch run gives a segment of which this is known: a sensor at fault, or nothing calibrated."""
+    flags = np.zeros(len(SEGMENTS), np.uint8)
+    for finding in findings:
+        if finding.severity == "fault" and finding.sensor in SEGMENT and (finding.kind != "magnetometer" or magnetometer):
+            flags[SEGMENT[finding.sensor]] |= np.uint8(Flag.FAULTY)
+    for segment in calibration.q_BS if calibration.source == "none" else ():
+        flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)
+    return flags
 
 
 def _joined(blocks: "deque[Block]") -> list[Block]:

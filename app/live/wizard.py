@@ -14,6 +14,7 @@ from estimators.functional_steps import BENT
 
 ROUTINE = "routine"  # the group of the usual assessment
 LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
+PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
 
 
@@ -21,11 +22,13 @@ class State(StrEnum):
     CONNECT = "connect"
     POSE_READY = "pose_ready"
     POSE_HOLD = "pose_hold"
+    POSE_WORK = "pose_work"  # the calibration is computed
     POSE_REVIEW = "pose_review"
     TASKS = "tasks"
     TASK_READY = "task_ready"
     COUNTDOWN = "countdown"
     TASK_RUN = "task_run"
+    TASK_PAUSED = "task_paused"  # the recording goes on
     TASK_REVIEW = "task_review"
     STEP_READY = "step_ready"  # steps of a functional calibration
     STEP_COUNTDOWN = "step_countdown"
@@ -43,15 +46,20 @@ class Act(StrEnum):
     ACCEPT = "accept"
     REDO = "redo"
     SKIP = "skip"
+    UNABLE = "unable"  # the patient could not do it: a finding, not a gap
+    PAUSE = "pause"
     GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
     AGAIN = "again"  # keep this trial, and on to the next of the same task
     CALIBRATE = "calibrate"  # by movements
     NEXT = "next"  # step of the calibration
     USE = "use"  # the steps that were done well, from the initial pose that follows on
+    ASSIST = "assist"  # the therapist lays the hand into the pose, or the patient takes it again
+    WITHOUT = "without"  # any calibration: defaults, and everything is flagged
     RECALIBRATE = "recalibrate"
     FINISH = "finish"
     HELD = "held"  # the pose was still long enough
+    POSED = "posed"  # and gave a calibration
     STARTED = "started"  # the countdown is over
     ENDED = "ended"  # the task's time is over
 
@@ -59,9 +67,10 @@ class Act(StrEnum):
 S, A = State, Act
 TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.CONNECT: {A.CONTINUE: S.POSE_READY},
-    S.POSE_READY: {A.START: S.POSE_HOLD, A.FINISH: S.FINISHED},
-    S.POSE_HOLD: {A.HELD: S.POSE_REVIEW, A.STOP: S.POSE_READY},
-    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY},
+    S.POSE_READY: {A.START: S.POSE_HOLD, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.TASKS, A.FINISH: S.FINISHED},
+    S.POSE_HOLD: {A.HELD: S.POSE_WORK, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.POSE_READY},
+    S.POSE_WORK: {A.POSED: S.POSE_REVIEW},
+    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY},
     S.TASKS: {
         A.GROUP: S.TASKS,
         A.CHOOSE: S.TASK_READY,
@@ -69,10 +78,11 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
         A.RECALIBRATE: S.POSE_READY,
         A.FINISH: S.FINISHED,
     },
-    S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.STOP: S.TASKS},
+    S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.UNABLE: S.TASKS, A.STOP: S.TASKS},
     S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
-    S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW},
-    S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS},
+    S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW, A.PAUSE: S.TASK_PAUSED},
+    S.TASK_PAUSED: {A.START: S.COUNTDOWN, A.STOP: S.TASK_REVIEW, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
+    S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
     S.STEP_READY: {A.START: S.STEP_COUNTDOWN, A.NEXT: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
     S.STEP_COUNTDOWN: {A.STARTED: S.STEP_RUN, A.STOP: S.STEP_READY},
     S.STEP_RUN: {A.ENDED: S.STEP_REVIEW, A.STOP: S.STEP_READY},
@@ -82,7 +92,16 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
 COUNTING = (S.COUNTDOWN, S.STEP_COUNTDOWN)
 RUNNING = (S.TASK_RUN, S.STEP_RUN)
 STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
-BY_PERSON = set(Act) - {A.HELD, A.STARTED, A.ENDED}
+PASSING = ("redone", "paused")  # outcomes after which the task is still to be done
+OUTCOMES = {
+    Act.ACCEPT: "accepted",
+    Act.AGAIN: "accepted",
+    Act.REDO: "redone",
+    Act.START: "paused",
+    Act.SKIP: "skipped",
+    Act.UNABLE: "unable",
+}
+BY_PERSON = set(Act) - {A.HELD, A.POSED, A.STARTED, A.ENDED}
 
 
 @dataclass(frozen=True)
@@ -104,8 +123,9 @@ class Attempt:
     task: str
     onset: float  # s in the recording; NaN for a skipped task
     end: float
-    outcome: str  # accepted, redone, skipped
+    outcome: str  # accepted, redone, paused (and begun again), skipped, unable
     reason: str = ""
+    score: float | None = None  # the clinician's own
 
 
 @dataclass(frozen=True)
@@ -130,6 +150,10 @@ class Wizard:
     onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
     still_since: float | None = None  # recording time
+    passive: bool = False  # the therapist lays the hand into the pose
+    calibrated: bool = False  # or somebody decided to go on without
+    refusals: int = 0  # poses that could not be used, since the last one that could
+    poor: int = 0  # joints of which the newest calibration is poor
     attempts: tuple[Attempt, ...] = ()
     judged: tuple[Judged, ...] = ()  # steps of the calibration that goes on, the newest attempt of each
     used: frozenset[str] = frozenset()  # steps that are in force, or will be from the next initial pose on
@@ -146,6 +170,8 @@ class Wizard:
         acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
         barred = {
             Act.CONTINUE: not ready(facts),
+            Act.WITHOUT: self.calibrated or not ready(facts),
+            Act.STOP: self.state is State.POSE_READY and not self.calibrated,
             Act.AGAIN: not self._trials_left(),
             Act.CALIBRATE: not self.steps_offered(facts),
             Act.NEXT: self.next_step(facts) is None,
@@ -165,6 +191,17 @@ class Wizard:
         """The step after this one."""
         names = [p.name for p in self.steps_offered(facts)]
         return next(iter(names[names.index(self.task) + 1 :]), None) if self.task in names else None
+
+    def proposal(self, facts: Facts) -> Act | None:
+        """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
+        waited = self.state is State.POSE_HOLD and facts.now - self.since > PATIENT
+        if waited or (self.state is State.POSE_READY and self.refusals):
+            wish = Act.ASSIST if not self.passive else Act.WITHOUT
+        elif self.state is State.POSE_REVIEW and self.poor:
+            wish = Act.REDO if self.used or not self.steps_offered(facts) else Act.CALIBRATE
+        else:
+            return None
+        return wish if wish in self.allowed(facts) else None
 
     def judgement(self, step: str | None) -> Judged | None:
         """What became of a step in this calibration."""
@@ -186,7 +223,7 @@ class Wizard:
 
     def outcome(self, task: str) -> str:
         """The newest outcome of a task, empty before it was tried and while trials of it are to come."""
-        newest = next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome != "redone"), "")
+        newest = next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome not in PASSING), "")
         trials = next((p.trials for p in self.protocols if p.name == task), 1)
         return "" if newest == "accepted" and self.accepted(task) < trials else newest
 
@@ -209,6 +246,7 @@ class Order:
     onset: float = 0.0
     end: float = 0.0
     reason: str = ""
+    score: float | None = None
 
 
 class NotNowError(Exception):
@@ -220,10 +258,14 @@ def ready(facts: Facts) -> bool:
     return facts.flowing and "hand" in facts.measured
 
 
-def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "", group: str = "") -> tuple[Wizard, Sequence[Order]]:
+def act(
+    wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "", group: str = "", score: float | None = None
+) -> tuple[Wizard, Sequence[Order]]:
     """A person's wish; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(facts):
         raise NotNowError(f"{what} is not possible now ({wizard.state})")
+    if score is not None:
+        _require_score(wizard, what, score)
     if what is Act.CHOOSE:
         stepping = wizard.state in STEPPING
         if task not in {p.name for p in (wizard.steps_offered(facts) if stepping else wizard.offered(facts))}:
@@ -237,7 +279,7 @@ def act(wizard: Wizard, what: Act, facts: Facts, task: str = "", reason: str = "
         if group not in wizard.groups(facts):
             raise NotNowError(f"there is no group of tasks {group!r}; groups are {', '.join(wizard.groups(facts))}")
         wizard = replace(wizard, group=group)
-    return _enter(wizard, what, facts, reason)
+    return _enter(wizard, what, facts, reason, score)
 
 
 def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
@@ -255,7 +297,12 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
 
 def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
     """The pose just held cannot be used: back to the pose with the reason."""
-    return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message)
+    return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message, refusals=wizard.refusals + 1)
+
+
+def posed(wizard: Wizard, facts: Facts, poor: int) -> tuple[Wizard, Sequence[Order]]:
+    """The pose gave a calibration that is poor for so many joints."""
+    return _enter(replace(wizard, refusals=0, poor=poor), Act.POSED, facts)
 
 
 def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
@@ -299,20 +346,29 @@ def _hold(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     return _enter(held, Act.HELD, facts)
 
 
-def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[Wizard, Sequence[Order]]:
+def _require_score(wizard: Wizard, what: Act, score: float) -> None:
+    """NotNowError where a score is given that nobody asked for, or none that there is."""
+    asked = wizard.protocol.score if wizard.protocol else None
+    if asked is None or what not in (Act.ACCEPT, Act.AGAIN):
+        raise NotNowError("a score is given with a trial that is accepted, of a task that asks for one")
+    if score not in range(asked.least, asked.most + 1):
+        raise NotNowError(f"the {asked.title} is {score:g}; it is a whole number from {asked.least} to {asked.most}")
+
+
+def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: float | None = None) -> tuple[Wizard, Sequence[Order]]:
     """Follow the table and say what is to be done."""
     before, after = wizard.state, TRANSITIONS[wizard.state][what]
     orders: list[Order] = []
     if after is State.POSE_READY:
         orders.append(Order("cue", "initial_pose"))
-    elif after is State.POSE_REVIEW:
+    elif after is State.POSE_WORK:
         orders.append(Order("calibrate", onset=wizard.onset, end=wizard.end))
     elif after in COUNTING and wizard.task:
         orders.append(Order("cue", wizard.task))
     elif after in RUNNING:
         late = facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)  # a tick finds out a little afterwards
         wizard = replace(wizard, onset=facts.t - late)
-    elif after is State.TASK_REVIEW:
+    elif after in (State.TASK_REVIEW, State.TASK_PAUSED) and before is State.TASK_RUN:
         wizard = replace(wizard, end=facts.t, rested_since=facts.now)
         orders.append(Order("cue", "rest"))
     elif after is State.FINISHED:
@@ -323,13 +379,19 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "") -> tuple[W
     if before in STEPPING:
         wizard, more = _stepped(wizard, what, before)
         orders = [*more, *orders]
-    if before is State.POSE_REVIEW and what is Act.ACCEPT:
-        wizard = replace(wizard, closing=False)
+    if what is Act.ASSIST:
+        wizard = replace(wizard, passive=not wizard.passive)
+    if what is Act.WITHOUT:
+        orders.append(Order("guess"))
+    if before is State.POSE_REVIEW and what is not Act.REDO:
+        wizard = replace(wizard, closing=False, calibrated=True)
     if before is State.POSE_REVIEW and what is Act.REDO:
+        wizard = replace(wizard, poor=0)
         orders.append(Order("drop_pose"))
-    if before is State.TASK_REVIEW or (before is State.TASK_READY and what is Act.SKIP):
-        wizard, order = _attempted(wizard, what, before, reason)
-        orders.append(order)
+    tried = before is State.TASK_REVIEW or (before is State.TASK_PAUSED and what is not Act.STOP)
+    if tried or (before is State.TASK_READY and what in (Act.SKIP, Act.UNABLE)):
+        wizard, order = _attempted(wizard, what, tried, reason, score)
+        orders.insert(0, order)
     return replace(wizard, state=after, since=facts.now, still_since=None, message=""), orders
 
 
@@ -351,10 +413,10 @@ def _good(wizard: Wizard) -> frozenset[str]:
     return frozenset(j.step for j in wizard.judged if not j.problems)
 
 
-def _attempted(wizard: Wizard, what: Act, before: State, reason: str) -> tuple[Wizard, Order]:
-    outcome = {Act.ACCEPT: "accepted", Act.AGAIN: "accepted", Act.REDO: "redone", Act.SKIP: "skipped"}[what]
+def _attempted(wizard: Wizard, what: Act, done: bool, reason: str, score: float | None) -> tuple[Wizard, Order]:
+    outcome = OUTCOMES[what]
     reason = "" if outcome == "accepted" else reason  # what is accepted needs none, and none is read into its outcome
-    done = before is State.TASK_REVIEW
-    attempt = Attempt(wizard.task or "", wizard.onset if done else float("nan"), wizard.end if done else float("nan"), outcome, reason)
+    start, end = (wizard.onset, wizard.end) if done else (float("nan"), float("nan"))
+    attempt = Attempt(wizard.task or "", start, end, outcome, reason, score)
     kept = replace(wizard, attempts=(*wizard.attempts, attempt))
-    return kept, Order("keep_attempt", attempt.task, attempt.onset, attempt.end, f"{outcome}{': ' + reason if reason else ''}")
+    return kept, Order("keep_attempt", attempt.task, start, end, f"{outcome}{': ' + reason if reason else ''}", score)

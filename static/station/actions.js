@@ -9,14 +9,17 @@ const PRIMARY = {
   pose_ready: "start",
   pose_review: "accept",
   task_ready: "start",
+  task_paused: "start",
   task_review: "accept",
   step_ready: "start",
   tasks: "choose",
 };
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
-const ASKED = ["skip", "finish"]; // actions that ask something back first
+const ASKED = ["skip", "unable", "without", "finish"]; // actions that ask something back first
 
-export function mount(root, api, { station }) {
+const SCORED = ["accept", "again"]; // the clinician's own score goes with these
+
+export function mount(root, api, { station, given }) {
   const box = errorBox();
   const actions = h("div", { class: "buttons-tall" });
   root.append(actions, box.element);
@@ -31,6 +34,8 @@ export function mount(root, api, { station }) {
       wizard.remaining === null,
       wizard.pace?.trial,
       spoilt(wizard),
+      wizard.proposal,
+      wizard.passive,
     ],
     buttons,
   );
@@ -64,7 +69,7 @@ export function mount(root, api, { station }) {
   /** Do it, after asking back where that is due. */
   async function wish(act) {
     const { wizard } = station.latest;
-    if (!ASKED.includes(act) || (act === "finish" && !open(wizard).length)) return station.act(act);
+    if (!ASKED.includes(act) || (act === "finish" && !open(wizard).length)) return station.act(act, scored(wizard, act));
     const asked = h("div", {});
     const leave = confirming.mount(asked, api, { act, left: open(wizard), send: (reason) => station.act(act, { reason }), cancel });
     actions.replaceChildren(asked);
@@ -76,6 +81,10 @@ export function mount(root, api, { station }) {
       closeQuestion = () => {};
     };
     return null;
+  }
+
+  function scored(wizard, act) {
+    return wizard.score && SCORED.includes(act) && given.score !== null ? { value: given.score } : {};
   }
 
   function cancel() {
@@ -91,6 +100,7 @@ export function mount(root, api, { station }) {
 /** The action that leads on. */
 function leading(wizard) {
   const can = (act) => wizard.actions.includes(act);
+  if (wizard.proposal) return wizard.proposal;
   if (can("again")) return "again";
   if (wizard.state !== "step_review") return PRIMARY[wizard.state];
   return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
@@ -102,6 +112,7 @@ function label(wizard, act) {
   const { state, remaining, actions } = wizard;
   if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
   if (act === "next") return t("act.next_step");
+  if (act === "assist") return t(wizard.passive ? "act.assist.back" : "act.assist");
   if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
   if (state === "task_run" && act === "stop" && remaining === null) return t("act.done"); // nothing else ends it
   return known(`act.${state}.${act}`, null) ?? t(`act.${act}`);

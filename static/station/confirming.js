@@ -1,10 +1,13 @@
-/** A question before an action: the reason to skip a task, or whether to finish with tasks left. */
+/** A question before an action: the reason to skip a task, why the patient could not do it, or whether to finish with tasks left. */
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
 import { t } from "../words/words.js";
 
 const NAMED = 4; // tasks left that are named; the others are counted
-const REASONS = ["pain", "tired", "unable", "not_needed"];
+const REASONS = {
+  skip: ["pain", "tired", "no_time", "not_needed"],
+  unable: ["pain", "weakness", "stiffness", "coordination", "fatigue", "not_understood"],
+};
 
 export function mount(root, api, { act, left, send, cancel }) {
   const box = errorBox();
@@ -16,16 +19,24 @@ export function mount(root, api, { act, left, send, cancel }) {
       h("button", { class: "large", type: "button", onclick: cancel }, t("go_back")),
     );
   const form = h("form", { class: "question", novalidate: true });
-  if (act === "skip") {
+  if (REASONS[act]) {
     const reason = h("input", { maxlength: 1000, autocomplete: "off", name: "reason" });
-    const ready = REASONS.map((name) =>
+    const ready = REASONS[act].map((name) =>
       h("button", { type: "button", onclick: () => ((reason.value = t(`reason.${name}`)), reason.focus()) }, t(`reason.${name}`)),
     );
-    form.append(field(t("skip.why"), reason, t("skip.hint")), h("div", { class: "reasons" }, ready), box.element, buttons(t("skip.send")));
+    form.append(
+      field(t(`${act}.why`), reason, t("skip.hint")),
+      h("div", { class: "reasons" }, ready),
+      box.element,
+      buttons(t(`${act}.send`)),
+    );
     onSubmit(form, box, async () => {
       if (!reason.value.trim()) throw new Error(t("skip.missing"));
       await send(reason.value.trim());
     });
+  } else if (act === "without") {
+    form.append(h("p", {}, h("strong", {}, t("without.sure"))), h("p", {}, t("without.text")), box.element, buttons(t("without.send")));
+    onSubmit(form, box, () => send(""));
   } else {
     form.append(
       h("p", {}, h("strong", {}, t("finish.sure"))),

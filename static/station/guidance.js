@@ -1,7 +1,7 @@
 /** What to do now: one title, one sentence, what went wrong before, and how far it is. */
 import { h, whenChanged } from "../dom.js";
 import { progressBar } from "../progress_bar.js";
-import { segmentWords } from "../words/clinical.js";
+import { inWords, segmentWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { station }) {
@@ -21,8 +21,15 @@ export function mount(root, api, { station }) {
     },
   );
   const drawMessage = whenChanged(
-    ({ wizard }) => wizard.message,
-    (text) => message.replaceChildren(...(text ? [h("p", { class: "error" }, text)] : [])),
+    ({ wizard, calibration }) => [wizard.message, wizard.proposal, wizard.state, calibration?.source === "none"],
+    ([text, proposal, state, guessed]) =>
+      message.replaceChildren(
+        ...[
+          text && h("p", { class: "error" }, inWords(text)),
+          proposal && h("p", { class: "warning" }, t(`proposal.${state}.${proposal}`)),
+          guessed && h("p", { class: "warning" }, t("wizard.uncalibrated")),
+        ].filter(Boolean),
+      ),
   );
   const drawMore = whenChanged(
     ({ wizard, calibration, step_quality }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }, step_quality],
@@ -42,14 +49,14 @@ function detail(state, calibration, pace, quality) {
   if (state === "connect") return [h("p", {}, t("wizard.connect"))];
   if (pace.trials > 1) return [h("p", {}, t("wizard.trial", pace))];
   if (state === "step_review") return quality ? [h("p", {}, qualityWords(quality))] : [];
-  if (state !== "pose_review" || !calibration) return [];
+  if (state !== "pose_review" || !calibration?.least_still) return [];
   const values = {
     still: calibration.stillness_deg_s,
     turned: calibration.misalignment_deg,
     part: segmentWords(calibration.most_misaligned),
   };
   const said = [t("wizard.calibration", values), calibration.steps && t("wizard.calibration.steps", { count: calibration.steps })];
-  return [h("p", {}, said.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, text))];
+  return [h("p", {}, said.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
 }
 
 /** How well a step of the calibration was done. */

@@ -8,9 +8,11 @@ import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
+import * as joints from "./joints.js";
 import * as metronome from "./metronome.js";
 import * as numbers from "./numbers.js";
 import * as recording from "./recording.js";
+import * as score from "./score.js";
 import * as stillness from "./stillness.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
@@ -31,9 +33,11 @@ export function mount(root, api, about) {
     steps: place("steps"),
     guidance: place("guidance"),
     stillness: place("stillness"),
+    score: place("score"),
     actions: place("actions"),
     ending: place("ending"),
     tasks: place("tasks", "section"),
+    joints: place("joints", "section"),
     angles: place("angles", "section"),
     glove: place("glove", "section"),
   };
@@ -55,14 +59,16 @@ export function mount(root, api, about) {
     [steps, side.steps],
     [guidance, side.guidance],
     [stillness, side.stillness],
+    [score, side.score],
     [actions, side.actions],
     [ending, side.ending],
     [tasks, side.tasks],
+    [joints, side.joints],
     [angles, side.angles],
     [glove, side.glove],
   ];
   const leave = [
-    assemble(api, about, parts),
+    assemble(api, { ...about, given: { score: null } }, parts),
     station.on(
       "full",
       whenChanged(

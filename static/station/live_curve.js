@@ -21,7 +21,7 @@ export function mount(root, api, { station }) {
     words: (value) => valueWords(what, value),
     xWords: () => "",
     window: (newest) => [newest - WINDOW, newest],
-    axis: 96,
+    axis: 120,
   });
 
   const rename = whenChanged(

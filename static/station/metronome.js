@@ -9,6 +9,7 @@ const RUNNING = ["task_run", "step_run"];
 const SHOWN = ["task_ready", "step_ready", ...COUNTING, ...RUNNING];
 const PAUSE = 50; // ms between two looks at which clicks are due
 const AHEAD = 1; // s that a click is made ready before it is due: a busy page may be late itself
+const LONG_WORD = 9; // letters that fit in a line of the lamp
 const LATE = 0.1; // s after which it is better left out
 const FLASH = 0.15; // s that the lamp is bright
 const LONG = 3; // s: a phase at least as long has a countdown of its own
@@ -78,8 +79,8 @@ export function mount(root, api, { station }) {
     note.textContent = is ? t("metronome.blocked") : "";
   }
 
-  function drawCount(done) {
-    const words = t("metronome.count", { done, all: pace.repetitions });
+  function drawCount(done, all = pace.repetitions) {
+    const words = t("metronome.count", { done, all });
     if (count.textContent !== words) count.textContent = words;
   }
 
@@ -90,10 +91,12 @@ export function mount(root, api, { station }) {
     const place = zero === null ? null : placeAt(pace, now() - zero);
     const phase = pace.cycle[place?.phase ?? 0];
     word.textContent = phase.say;
+    word.classList.toggle("long", phase.say.length > LONG_WORD);
     left.textContent = place && phase.seconds >= LONG ? String(Math.ceil(place.left)) : "";
     lamp.classList.toggle("first", place?.phase === 0);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
-    drawCount(place?.repetition ?? 0);
+    if (pace.repetitions > 1) drawCount(place?.repetition ?? 0);
+    else drawCount(place ? place.phase + 1 : 0, pace.cycle.length); // one round: its parts are counted
     if (zero !== null) frame = requestAnimationFrame(draw);
   }
 

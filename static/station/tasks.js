@@ -3,7 +3,7 @@ import { h, whenChanged } from "../dom.js";
 import { errorBox, field, once, select } from "../forms.js";
 import { known, t } from "../words/words.js";
 
-const SIGN = { accepted: "✓", good: "✓", used: "✓", skipped: "–", spoilt: "!" };
+const SIGN = { accepted: "✓", good: "✓", used: "✓", skipped: "–", unable: "×", spoilt: "!" };
 const GOOD = ["accepted", "good", "used"];
 
 export function mount(root, api, { station }) {

@@ -1,6 +1,7 @@
 /** Clinical words for what is measured: a direction in words, never a bare plus or minus. Degrees come in, text goes out. */
 import { known, t } from "./words.js";
 
+const SEGMENT = /\b(thumb|index|middle|ring|little)_(metacarpal|proximal|middle|distal)\b/g;
 const PLAIN = { aperture: (value) => `${value} mm`, palm_turn: (value) => `${value}°` }; // curves that are no joint's angle
 
 /** A unit as people read it. */
@@ -23,6 +24,15 @@ export function partWords(segment) {
 export function segmentWords(segment) {
   const [part, piece] = segment.split("_");
   return piece ? t("segment", { part: t(`part.${part}`), piece: t(`piece.${piece}`) }) : t(`part.${part}`);
+}
+
+/** A sentence that names sensors as files do, in the words that people use: "index_distal: …" is "Index finger, end segment: …". */
+export function inWords(sentence) {
+  const words = sentence
+    .replace(SEGMENT, (segment) => segmentWords(segment))
+    .replace(/(\d) deg\/s\b/g, (whole, digit) => `${digit}°/s`)
+    .replace(/(\d) deg\b/g, (whole, digit) => `${digit}°`);
+  return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
 /** "34° flexed", "4° extended", "0°". */

@@ -8,6 +8,7 @@ import pytest
 from app.live import wizard
 from app.live.station import Station
 from app.live.wizard import Act, State
+from estimators.errors import InputError
 from estimators.samples import Event
 from sessions.wire.messages import Cue
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
@@ -39,7 +40,7 @@ def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(station:
     assert phases[20:] == [(200.0, 6.0, "grip", 1), (206.0, 6.0, "flat", 1)]
 
 
-@pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain")])
+@pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")])
 def test_a_trial_that_was_not_accepted_leaves_no_phases(
     station: Station,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
@@ -67,6 +68,19 @@ def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_i
     passive, block = (e.details for e in events)
     assert passive == {"task_name": "prom_fist", "outcome": "accepted", "mode": "passive"}
     assert (block["distances_mm"], len(block["contacts"].split())) == ("53 46 25", 3)
+
+
+def test_the_clinicians_score_stands_in_the_event_of_the_trial(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task="kapandji", onset=10.0, end=40.0)
+    station._known = READY
+    with pytest.raises(InputError, match="the Kapandji score is 12; it is a whole number from 0 to 10"):
+        station.act("accept", value=12.0)
+    assert events == []
+    station.act("accept", value=9.0)
+    task, *positions = events
+    assert task.details == {"task_name": "kapandji", "outcome": "accepted", "score": 9.0, "score_title": "Kapandji score"}
+    assert [e.details["phase"] for e in positions] == [f"position_{k}" for k in range(1, 11)]
 
 
 def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

@@ -1,5 +1,6 @@
 """The live tracker: the same numbers as in batch, never in the way of what feeds it, alive after a method fails."""
 
+from dataclasses import replace
 from itertools import pairwise
 from types import ModuleType, SimpleNamespace
 from typing import Any, cast
@@ -11,12 +12,13 @@ from app.live.tracking import QUEUE, Tracking
 from estimators import initial_pose, processing, trajectory
 from estimators.errors import InputError
 from estimators.functional_steps import STEPS
+from estimators.hand_anatomy import SEGMENT
 from estimators.methods import m2
-from estimators.samples import Block
+from estimators.samples import Block, Event
 from estimators.simulation import functional, tasks
 from estimators.simulation.person import drawn
 from estimators.simulation.scenario import performed
-from estimators.trajectory import Trajectory
+from estimators.trajectory import Flag, Trajectory
 from tests.app.devices.virtual import wait_for
 from tests.estimators.functional import ANYHOW
 from tests.simulated import INSTANT, in_strips, strips_of, tracked
@@ -166,3 +168,81 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
     same = batch.trajectory.between(float(shown.t[0]), np.inf)
     assert tracking.skipped == 0 and len(shown) > 400
     np.testing.assert_allclose(shown.angles, same.angles, atol=1e-6)
+
+
+def test_a_calibration_that_is_taken_back_leaves_what_was_shown_before_and_goes_on_with_the_one_before() -> None:
+    recording = in_strips("left")
+    first = initial_pose.pose_of(recording.events[0])
+    tracking, _ = live()
+    whole, _ = live()
+    with tracking, whole:
+        for t in (tracking, whole):
+            play(t, {name: b.between(0.0, 9.0) for name, b in recording.samples.items()}, first)
+        shown, before = tracking.past(0.0, 8.0), tracking.calibration
+        tracking.calibrate(replace(first, onset=first.onset + 0.2, thumb_cmc=(0.0, 0.0, 0.0)))
+        assert tracking.calibration is not before
+        assert tracking.take_back() is before
+        for t in (tracking, whole):
+            for blocks in pieces({name: b.between(9.0, 13.0) for name, b in recording.samples.items()}):
+                t.feed(blocks)
+            wait_for(lambda t=t: t.newest_sample() >= 12.9)
+            t.drain()
+        later, same = tracking.past(9.5, 12.9), whole.past(9.5, 12.9)
+    assert len(shown) > 300 and len(later) > 300
+    np.testing.assert_allclose(later.angles, same.angles, atol=1e-9)
+
+
+def test_without_any_calibration_every_row_is_flagged_live_and_in_batch_and_they_are_the_same() -> None:
+    recording = in_strips("left")
+    tracking, _ = live()
+    with tracking:
+        for blocks in pieces({name: b.between(0.0, 12.0) for name, b in recording.samples.items()}):
+            tracking.feed(blocks)
+            if tracking.calibration is None and blocks[0].t[0] > 5.0:
+                wait_for(lambda: tracking.newest_sample() >= 5.0)
+                guess = tracking.guess()
+            elif int(blocks[0].t[0] * 100) % 50 == 0:
+                wait_for(lambda newest=blocks[0].t[0]: tracking.newest_sample() >= newest)
+        wait_for(lambda: tracking.newest_sample() >= 11.9)
+        tracking.drain()
+        shown = tracking.past(guess.t)
+    event = Event(guess.t, guess.end - guess.t + 1e-6, "annotation", {"calibration": "none"})
+    batch = processing.process(m2, PARAMS, replace(recording, events=(event,)))
+    assert batch.calibrations[0].source == guess.source == "none"
+    assert any("nothing was calibrated" in w for w in batch.warnings)
+    same = batch.trajectory.between(float(shown.t[0]), float(shown.t[-1]) + 1e-6)
+    np.testing.assert_allclose(shown.angles, same.angles, atol=1e-9)
+    for rows in (shown, batch.trajectory):
+        assert ((rows.flags & Flag.UNCALIBRATED) != 0).all()
+
+
+def test_a_sensor_found_at_fault_flags_its_rows_live_from_the_calibration_on() -> None:
+    recording = in_strips("left")
+    samples, pose = dict(recording.samples), initial_pose.pose_of(recording.events[0])
+    ring = samples["ring"]
+    values = ring.values.copy()
+    values[:, 1] = values[:, 1][:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1]  # turned by 90 deg about z
+    tracking, _ = live()
+    with tracking:
+        play(tracking, samples | {"ring": Block(ring.stream, ring.t, values)}, pose)
+        tracking.drain()
+        shown = tracking.past(pose.end + 1.0)
+    faulty = (shown.flags & Flag.FAULTY) != 0
+    assert faulty[:, SEGMENT["ring_middle"]].all() and faulty.sum() == len(shown)
+
+
+def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_first() -> None:
+    person = drawn("left", np.random.default_rng(4)).true
+    rng = np.random.default_rng(4)
+    pose, again, moved = tasks.initial_pose(person), tasks.initial_pose(person), tasks.fist_and_stretch(person, 1)
+    slipped = functional.missed(tasks.flat(), 6.0, rng)  # the second pose is another one
+    again = tasks.initial_pose(person, taken=slipped)
+    made = strips_of(performed([pose, moved, again, moved], "left", person, rng, ANYHOW))
+    _, second = (e for e in made.events if e.trial_type == "initial_pose")
+    one = processing.process(m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second)))
+    both = processing.process(m2, PARAMS, made)
+    assert [c.source for c in both.calibrations] == ["initial pose"] * 2
+    t = both.calibrations[1].t
+    np.testing.assert_array_equal(both.trajectory.between(0.0, t).angles, one.trajectory.between(0.0, t).angles)
+    after = both.trajectory.between(t + 1.0, np.inf).angles - one.trajectory.between(t + 1.0, np.inf).angles
+    assert np.nanmax(np.abs(after)) > np.radians(2.0)

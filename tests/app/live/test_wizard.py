@@ -1,13 +1,14 @@
 """The wizard's table and its timed steps, with facts and time passed in."""
 
 from dataclasses import replace
+from math import isnan
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.live import wizard
-from app.live.wizard import BY_PERSON, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
+from app.live.wizard import BY_PERSON, PATIENT, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import groups, load_all, load_steps
 from estimators.hand_anatomy import SEGMENTS
 
@@ -42,8 +43,11 @@ def test_the_straight_way_from_connect_to_finish() -> None:
     assert (w.state, list(orders)) == (State.POSE_HOLD, [])
     facts = later(facts, 3.2)
     w, orders = wizard.tick(w, facts)
-    assert (w.state, kinds(orders)) == (State.POSE_REVIEW, [("calibrate", "")])
+    assert (w.state, kinds(orders)) == (State.POSE_WORK, [("calibrate", "")])
+    assert wizard.tick(w, later(facts, 5.0))[0] is w  # until the station says that it is computed
     assert (orders[0].onset, orders[0].end) == (50.0, pytest.approx(53.2))
+    w, _ = wizard.posed(w, facts, poor=0)
+    assert w.state is State.POSE_REVIEW
     w, _ = wizard.act(w, Act.ACCEPT, facts)
     w, _ = wizard.act(w, Act.CHOOSE, facts, "tapping")
     w, orders = wizard.act(w, Act.START, facts)
@@ -75,7 +79,7 @@ def test_movement_in_the_pose_starts_the_count_again() -> None:
     w, _ = wizard.tick(w, later(READY, 5.0))
     assert w.state is State.POSE_HOLD
     w, orders = wizard.tick(w, later(READY, 5.4))
-    assert (w.state, orders[0].onset) == (State.POSE_REVIEW, pytest.approx(READY.t + 2.2))
+    assert (w.state, orders[0].onset) == (State.POSE_WORK, pytest.approx(READY.t + 2.2))
 
 
 def test_a_glove_that_falls_silent_in_the_pose_starts_the_count_again() -> None:
@@ -85,10 +89,44 @@ def test_a_glove_that_falls_silent_in_the_pose_starts_the_count_again() -> None:
 
 
 def test_a_refused_pose_goes_back_with_its_reason() -> None:
-    w = wizard.refused(at(State.POSE_REVIEW), READY, "the hand was not still")
+    w = wizard.refused(at(State.POSE_WORK), READY, "the hand was not still")
     assert (w.state, w.message) == (State.POSE_READY, "the hand was not still")
     w, _ = wizard.act(w, Act.START, READY)
     assert w.message == ""
+
+
+def test_the_ladder_is_proposed_rung_by_rung() -> None:
+    w = at(State.POSE_READY)
+    assert w.proposal(READY) is None
+    w, _ = wizard.act(w, Act.START, READY)
+    assert w.proposal(later(READY, PATIENT - 0.1)) is None
+    assert w.proposal(later(READY, PATIENT + 0.1)) is Act.ASSIST  # the hand does not become still
+    w, orders = wizard.act(w, Act.ASSIST, READY)
+    assert (w.state, w.passive, kinds(orders)) == (State.POSE_READY, True, [("cue", "initial_pose")])
+    w = wizard.refused(replace(w, state=State.POSE_WORK), READY, "the hand was not still")
+    assert w.proposal(READY) is Act.WITHOUT
+    w, orders = wizard.act(w, Act.WITHOUT, READY)
+    assert (w.state, w.calibrated, kinds(orders)) == (State.TASKS, False, [("guess", "")])
+
+
+def test_a_poor_calibration_proposes_movements_and_then_the_pose_again() -> None:
+    w = replace(at(State.POSE_WORK), steps=tuple(load_steps().values()))
+    good, _ = wizard.posed(w, READY, poor=0)
+    assert good.proposal(READY) is None
+    poor, _ = wizard.posed(w, READY, poor=3)
+    assert poor.proposal(READY) is Act.CALIBRATE
+    moving, _ = wizard.act(poor, Act.CALIBRATE, READY)
+    assert (moving.state, moving.task, moving.calibrated) == (State.STEP_READY, "flat_hand", True)
+    assert replace(poor, used=frozenset({"flexion_all"})).proposal(READY) is Act.REDO
+    assert replace(poor, steps=()).proposal(READY) is Act.REDO
+
+
+def test_a_calibration_in_the_middle_of_a_session_can_be_left_and_the_one_before_stays() -> None:
+    assert Act.STOP not in at(State.POSE_READY).allowed(READY)
+    w = at(State.POSE_READY, calibrated=True)
+    assert Act.WITHOUT not in w.allowed(READY)
+    w, orders = wizard.act(w, Act.STOP, READY)
+    assert (w.state, list(orders)) == (State.TASKS, [])
 
 
 def test_a_redone_task_is_kept_as_redone_and_is_not_done() -> None:
@@ -99,6 +137,40 @@ def test_a_redone_task_is_kept_as_redone_and_is_not_done() -> None:
 def test_a_skipped_task_keeps_its_reason() -> None:
     w, orders = wizard.act(at(State.TASK_READY, task="tapping"), Act.SKIP, READY, reason="pain")
     assert (w.state, w.outcome("tapping"), orders[0].reason) == (State.TASKS, "skipped", "skipped: pain")
+
+
+@pytest.mark.parametrize("state", [State.TASK_READY, State.TASK_PAUSED, State.TASK_REVIEW])
+def test_what_the_patient_could_not_do_is_kept_as_that_and_the_task_is_done_with(state: State) -> None:
+    w, orders = wizard.act(at(state, task="tapping", onset=1.0, end=9.0), Act.UNABLE, READY, reason="weakness")
+    assert (w.state, w.outcome("tapping"), kinds(orders)) == (State.TASKS, "unable", [("keep_attempt", "tapping")])
+    assert orders[0].reason == "unable: weakness"
+    assert isnan(orders[0].onset) if state is State.TASK_READY else (orders[0].onset, orders[0].end) == (1.0, 9.0)
+
+
+def test_a_pause_ends_the_trial_which_is_begun_again_or_kept_as_far_as_it_went() -> None:
+    w, orders = wizard.act(at(State.TASK_RUN, task="rom_fist", onset=READY.t), Act.PAUSE, later(READY, 6.0))
+    assert (w.state, w.end, kinds(orders)) == (State.TASK_PAUSED, READY.t + 6.0, [("cue", "rest")])
+    late = later(READY, 90.0)
+    assert wizard.tick(w, late)[0] == w  # a rest takes as long as it takes
+    again, orders = wizard.act(w, Act.START, late)
+    assert (again.state, kinds(orders)) == (State.COUNTDOWN, [("keep_attempt", "rom_fist"), ("cue", "rom_fist")])
+    assert (orders[0].reason, orders[0].end, again.outcome("rom_fist")) == ("paused", READY.t + 6.0, "")
+    kept, orders = wizard.act(w, Act.STOP, late)
+    assert (kept.state, kept.end, list(orders)) == (State.TASK_REVIEW, READY.t + 6.0, [])
+    kept, orders = wizard.act(kept, Act.ACCEPT, late)
+    assert (orders[0].onset, orders[0].end, orders[0].reason) == (READY.t, READY.t + 6.0, "accepted")
+
+
+def test_the_clinicians_score_goes_with_an_accepted_trial_of_a_task_that_asks_for_one() -> None:
+    w = at(State.TASK_REVIEW, task="kapandji", onset=1.0, end=31.0)
+    assert wizard.act(w, Act.ACCEPT, READY, score=7)[1][0].score == 7
+    assert wizard.act(w, Act.ACCEPT, READY)[1][0].score is None  # it may be left out
+    with pytest.raises(NotNowError, match="the Kapandji score is 11; it is a whole number from 0 to 10"):
+        wizard.act(w, Act.ACCEPT, READY, score=11)
+    with pytest.raises(NotNowError, match="of a task that asks for one"):
+        wizard.act(w, Act.SKIP, READY, reason="pain", score=3)
+    with pytest.raises(NotNowError, match="of a task that asks for one"):
+        wizard.act(at(State.TASK_REVIEW, task="rom_fist"), Act.ACCEPT, READY, score=3)
 
 
 def test_continue_waits_for_samples_of_the_hand() -> None:
@@ -209,6 +281,8 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(
         before = w.state
         w, orders = wizard.tick(w, facts)
         assert w.state is before or w.state in TRANSITIONS[before].values()
+        if w.state is State.POSE_WORK:
+            w = wizard.refused(w, facts, "moved") if problems else wizard.posed(w, facts, 1)[0]
         if "measure_step" in [o.kind for o in orders]:
             w = wizard.judge(w, problems)
         allowed = w.allowed(facts)

@@ -1,0 +1,69 @@
+/** How good the calibration is for each joint: a word and a colour by joint, and why where it is not good. */
+import { h, whenChanged } from "../dom.js";
+import { jointWords, segmentWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+const ROWS = [
+  ["thumb", ["thumb_cmc", "thumb_mcp", "thumb_ip"]],
+  ...["index", "middle", "ring", "little"].map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}`)]),
+  ["wrist", ["wrist"]],
+];
+const COLOUR = { good: "good", fair: "", poor: "warn", none: "" };
+const OPEN = ["pose_review"];
+
+export function mount(root, api, { station }) {
+  const body = h("tbody", {});
+  const why = h("ul", { class: "small" });
+  const columns = ["angles.finger", "angles.base", "angles.middle", "angles.end"].map((word) => h("th", { scope: "col" }, t(word)));
+  const worst = h("span", { class: "badge" });
+  const box = h(
+    "details",
+    {},
+    h("summary", {}, t("joints.title"), worst),
+    h("table", { class: "compact" }, h("thead", {}, h("tr", {}, columns)), body),
+    why,
+  );
+  root.append(box);
+  const draw = whenChanged(
+    ({ calibration }) => calibration?.joints ?? [],
+    (joints) => {
+      root.hidden = !joints.length;
+      const found = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
+      const least = ["poor", "fair", "good"].find((grade) => joints.some((joint) => joint.grade === grade)) ?? "none";
+      mark(worst, least);
+      body.replaceChildren(...(joints.length ? ROWS.map(([finger, names]) => row(finger, names.map((name) => found[name]))) : []));
+      why.replaceChildren(...reasons(joints).map((words) => h("li", {}, words)));
+    },
+  );
+  const open = whenChanged(
+    ({ wizard }) => OPEN.includes(wizard.state),
+    (reviewing) => (box.open = reviewing),
+  );
+  const leave = [station.on("full", draw), station.on("full", open)];
+  return () => leave.forEach((stop) => stop());
+}
+
+function row(finger, joints) {
+  const cells = joints.map((joint) => {
+    const badge = h("span", {});
+    mark(badge, joint.grade);
+    return h("td", { colspan: joints.length === 1 && 3 }, badge);
+  });
+  return h("tr", {}, h("th", { scope: "row" }, t(`finger.${finger}`)), cells);
+}
+
+function mark(badge, grade) {
+  badge.className = `badge ${COLOUR[grade]}`;
+  badge.textContent = t(`joints.${grade}`);
+}
+
+/** One sentence a cause; where it is the same for several joints, one for all of them. */
+function reasons(joints) {
+  const said = new Map();
+  for (const { joint, grade, reason, segment, deg } of joints) {
+    if (!reason || grade === "good") continue;
+    const words = t(`joints.why.${reason}`, { part: segmentWords(segment), deg });
+    said.set(words, [...(said.get(words) ?? []), Object.values(jointWords(joint)).join(" ").trim()]);
+  }
+  return [...said].map(([words, names]) => (names.length > 4 ? words : `${names.join(", ")}: ${words}`));
+}
