@@ -279,7 +279,7 @@ class Tracking:
         self._path.clear()
         self._state = self.method.start(self.params, calibration, self._streams())
         self._poses.clear()
-        self._catch_up(dict.fromkeys(self._samples, np.nextafter(calibration.t, -np.inf)))
+        self._catch_up(dict.fromkeys(self._samples, float(np.nextafter(calibration.t, -np.inf))))
 
     def _catch_up(self, seen: Mapping[str, float]) -> None:
         """Step through what was sampled later than that (s by stream)."""
