@@ -11,7 +11,7 @@ import numpy as np
 from mcap.records import Message
 
 from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS, Hand
+from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
 from estimators.samples import Block, Event, join
 from sessions.recorder import FORMAT_VERSION
@@ -60,7 +60,7 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
     With `correct` false the samples are what the sensors read, not corrected by their strips' calibrations.
     """
     contents = read(path)
-    assembler, parts = Assembler(correct=correct), _Parts()
+    assembler, parts = Assembler(correct=correct, exchanged=_exchanged(contents.metadata)), _Parts()
     for k in range(0, len(contents.wire), TOGETHER):
         parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
     side = _hand(contents.metadata, assembler.identity, hand)
@@ -147,6 +147,12 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
     return wanted
 
 
+def _exchanged(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """The fingers that strips were found to be on, by the finger that each says."""
+    told = dict(metadata.get("exchanged_strips") or {})
+    return {str(f): str(on) for f, on in told.items() if f in FINGERS and on in FINGERS and f != on}
+
+
 def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
     if not contents.file.finished:
         yield f"the recording was not closed: it is whole up to its last flush, {contents.file.unread} bytes behind it could not be read"
@@ -159,6 +165,8 @@ def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
         yield f"on the wire {c.lost} frames were lost and {c.corrupt} damaged, of {c.frames + c.lost}"
     if dropped := assembler.undescribed + assembler.waiting:
         yield f"{dropped} bursts of samples were left out: the glove never said what they are"
+    for finger, on in assembler.exchanged.items():
+        yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace("thumb finger", "thumb")
     for name, count in assembler.counts.items():
         if count.lost:
             yield f"stream {name}: {count.lost} of {count.samples + count.lost} samples were lost"

@@ -40,6 +40,7 @@ class Glove:
         self.assembler = Assembler()
         self.state = GloveState()
         self.decoding_failures = 0
+        self._worn_on: Mapping[str, str] | None = None  # to be told to the assembler with the next chunk
         self._encoder = Encoder()
         self._sending = threading.Lock()
         self._changed = threading.Condition()
@@ -85,6 +86,11 @@ class Glove:
     def keep_metadata(self, metadata: Mapping[str, Any]) -> None:
         self._tell(Kind.METADATA, json.dumps(dict(metadata)).encode())
 
+    def exchange(self, worn_on: Mapping[str, str], begin: Callable[[], None]) -> None:
+        """Strips are on other fingers than they say; `begin` is called before the first samples that are read so. The recording says it, too."""
+        self._begin, self._worn_on = begin, dict(worn_on)
+        self.keep_metadata({"exchanged_strips": dict(worn_on)})
+
     def now(self) -> float | None:
         """The recording's time at this moment; None before the first sample."""
         return self.assembler.recording_time(time.monotonic())
@@ -122,6 +128,10 @@ class Glove:
 
     def _take_chunk(self, data: bytes, at: float) -> None:
         try:
+            if self._worn_on is not None:  # in this thread: nothing else touches the assembler
+                worn_on, self._worn_on = self._worn_on, None
+                self.assembler.exchange(worn_on)
+                self._begin()
             blocks = self.assembler.feed(data, at)
             if blocks:
                 self._on_blocks(blocks)

@@ -21,7 +21,7 @@ from app.devices.glove import Glove
 from app.live import ghost, wizard
 from app.live.curve import Curve
 from app.live.telling import beat, tell
-from app.live.tracking import Tracking
+from app.live.tracking import Motion, Tracking
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import Protocol
 from app.scene.hand_scene import HandScene
@@ -46,6 +46,8 @@ TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so
 DRAWN = 1 / 60  # s, least time between two pictures of the scene
 FLOWING = 0.5  # s without a sample that count as silence
 MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
+ALONE = 2.0  # times as fast as every other finger moves the one that bends alone
+FINGER_LEAD = 2.5  # s in which the finger before has come to rest
 WIGGLE = 10.0  # s that bending one finger after the other takes
 THUMB = (POSE_THUMB[0] * DEG, POSE_THUMB[1] * DEG, POSE_THUMB[2] * DEG)
 
@@ -90,6 +92,7 @@ class Station:
         self._viewers: list[Callable[[], object]] = []
         self._stop = threading.Event()
         self._problem = ""
+        self.exchanged: dict[str, str] = {}  # strips that are on another finger than they say
         self._wiggled = -np.inf  # host's clock when a virtual patient was told last to bend one finger after the other
         self._known = Facts(time.monotonic(), -np.inf, False, 0.0, "", frozenset())
         about = {
@@ -207,7 +210,7 @@ class Station:
         fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING}
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
-        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh))
+        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh), _bends(fresh))
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity
@@ -223,6 +226,10 @@ class Station:
                 self._cue(order.task)
             elif order.kind == "calibrate":
                 self._calibrate(order)
+            elif order.kind == "cue_finger":
+                self.glove.send(Cue("wiggle", {"finger": order.task, "lead": f"{FINGER_LEAD:g}"}))
+            elif order.kind == "exchange":
+                self._exchange(*order.task.split())
             elif order.kind == "guess":
                 self._guess(facts)
             elif order.kind == "drop_pose":
@@ -278,7 +285,7 @@ class Station:
                 self._keep_pose(pose)
                 self.scene.measured(_measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
-                self._wizard, orders = wizard.posed(self._wizard, facts, poor)
+                self._wizard, orders = wizard.posed(self._wizard, facts, poor, self._swapped())
                 self._do(orders, facts)
         self._notify()
 
@@ -303,11 +310,26 @@ class Station:
         self.scene.face_ahead()
         self.scene.measured(_measured_fingers(c))
 
+    def _exchange(self, one: str, other: str) -> None:
+        """Two strips are on each other's finger: read so from now on, and in the recording from its beginning."""
+        to = {one: other, other: one}
+        worn_on = {f: to.get(on, on) for f, on in {**{f: f for f in FINGERS}, **self.exchanged}.items()}
+        self.exchanged = {f: on for f, on in worn_on.items() if f != on}
+        self._calibration, self._measured = None, {}
+        self.glove.exchange(self.exchanged, self.tracking.restart)
+
     def _drop_pose(self) -> None:
         """The newest pose is not to count: the one before it does again."""
         self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
         self._calibration = self.tracking.take_back()
         self.scene.face_ahead()
+
+    def _swapped(self) -> tuple[str, str] | None:
+        """Two fingers whose strips the pose shows on each other's."""
+        fingers = list(
+            dict.fromkeys(f.sensor.split("_")[0] for f in self.tracking.findings if f.kind == "swapped" and f.severity == "fault")
+        )
+        return (fingers[0], fingers[1]) if len(fingers) == 2 else None
 
     def joints(self) -> list[JointQuality]:
         """How good the calibration in force is for each joint; empty before the first."""
@@ -367,14 +389,22 @@ class Station:
         self._problem = self._contradiction()
         w = self._wizard
         self.scene.ghost(ghost.ghost(w, THUMB, facts.now - w.since))
-        checking = w.state is State.CONNECT and facts.wander > MOVES
+        checking = w.state in (State.CONNECT, State.CHECK) and facts.wander > MOVES
         self.scene.highlight(facts.restless if checking else None)
-        if w.state is State.CONNECT:
+        if w.state in (State.CONNECT, State.CHECK, State.CHECKED):
             self.scene.measured([f for f in FINGERS if set(CHAINS[f]) <= facts.measured])
 
     def _notify(self) -> None:
         for notice in list(self._viewers):
             notice()
+
+
+def _bends(motion: Mapping[str, Motion]) -> str:
+    """The finger that moves clearly faster than any other and the hand; empty where none does."""
+    rates = {f: max((motion[s].rate for s in CHAINS[f] if s in motion), default=0.0) for f in FINGERS}
+    rates["hand"] = motion["hand"].rate if "hand" in motion else 0.0
+    first, second = sorted(rates, key=lambda f: rates[f], reverse=True)[:2]
+    return first if first in FINGERS and rates[first] > max(MOVES, ALONE * rates[second]) else ""
 
 
 def _measured_fingers(calibration: Calibration) -> list[str]:

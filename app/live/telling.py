@@ -27,11 +27,12 @@ SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "re
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
-STEP_OF = {State.CONNECT: "connect", State.FINISHED: "finish"} | dict.fromkeys(
+STEP_OF = {State.CONNECT: "connect", State.CHECK: "connect", State.CHECKED: "connect", State.FINISHED: "finish"} | dict.fromkeys(
     (State.POSE_READY, State.POSE_HOLD, State.POSE_WORK, State.POSE_REVIEW, *wz.STEPPING), "pose"
 )
 WORDS = {
     State.CONNECT: ("Put the glove on", "Bend one finger after the other: the finger that moves must light up."),
+    State.CHECKED: ("Sensors checked", "Every finger's own strip should have moved. Then go on."),
     State.POSE_READY: (
         "Initial pose",
         "Lay the hand flat, fingers straight and together, thumb stretched out sideways as the blue hand shows. Then start.",
@@ -82,7 +83,7 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
     """Where the wizard stands: what to say, what can be done, which tasks there are, and what the metronome goes by."""
     protocol = w.protocol
     in_task = w.state in (State.TASK_READY, *wz.COUNTING, *wz.RUNNING, State.STEP_READY)
-    title, words = (protocol.title, protocol.instruction) if in_task and protocol else _words(w)
+    title, words = (protocol.title, protocol.instruction) if in_task and protocol else _words(w, facts)
     steps = [p.name for p in w.steps_offered(facts)] if w.state in wz.STEPPING else []
     if in_task and w.task in steps:
         title = f"Step {steps.index(w.task) + 1} of {len(steps)}: {title}"
@@ -94,6 +95,7 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
         "instruction": words,
         "message": w.message,
         "proposal": w.proposal(facts),
+        "check": _check(w, facts),
         "passive": w.passive,
         "actions": w.allowed(facts),
         "progress": round(wz.progress(w, facts), 3),
@@ -110,10 +112,13 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
     }
 
 
-def _words(w: Wizard) -> tuple[str, str]:
+def _words(w: Wizard, facts: Facts) -> tuple[str, str]:
     """Title and sentence of a state that is no task's."""
     if w.state is State.STEP_REVIEW and (judged := w.judgement(w.task)) and judged.problems:
         return SPOILT
+    if w.state is State.CHECK and (finger := w.asked(facts)):
+        name = finger if finger == "thumb" else f"{finger} finger"
+        return f"Bend the {name}", "Only this one, to and fro, then keep still. The page goes on by itself when a strip moves."
     if w.state is State.POSE_READY and w.closing:
         return CLOSING
     if w.state is State.POSE_READY and w.passive:
@@ -133,6 +138,19 @@ def _quality(piece: Piece | None) -> dict[str, float] | None:
     if piece is None:
         return None
     return {name: round(value * SCALES.get(name, 100.0), DIGITS.get(name, 0)) for name, value in piece.quality.items()}
+
+
+def _check(w: Wizard, facts: Facts) -> dict[str, Any] | None:
+    """The sensor check: which finger is asked for, whose strip moved for each, what can be exchanged."""
+    if w.state not in (State.CONNECT, State.CHECK, State.CHECKED, State.POSE_REVIEW):
+        return None
+    return {
+        "fingers": w.checkable(facts),
+        "asked": w.asked(facts),
+        "calm": w.calm,
+        "moved": dict(w.seen) if w.state in (State.CHECK, State.CHECKED) else {},
+        "exchange": list(w.exchangeable() or ()),
+    }
 
 
 def _score(p: Protocol) -> dict[str, Any] | None:

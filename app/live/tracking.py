@@ -172,6 +172,17 @@ class Tracking:
         self.findings = tuple(found)
         return replace(calibration, warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.said for f in found)))))
 
+    def restart(self) -> None:
+        """Forget every sample and calibration: what comes from now on is read in another way."""
+        with self._wake:
+            self._queue.clear()
+        with self._lock:
+            self._samples.clear()
+            self._poses.clear()
+            self._path.clear()
+            self.calibration, self._state, self._path_state, self._before, self.pieces = None, None, None, None, {}
+            self.findings, self._doubts = (), np.zeros(len(SEGMENTS), np.uint8)
+
     def begin(self, calibration: Calibration) -> None:
         """Start from a calibration made before."""
         with self._lock:

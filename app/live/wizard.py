@@ -11,15 +11,19 @@ from math import inf
 
 from app.protocols import Protocol, groups
 from estimators.functional_steps import BENT
+from estimators.hand_anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
 LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
+CALM = 0.3  # rad/s below which nothing bends: between two fingers of the check
 PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
 
 
 class State(StrEnum):
     CONNECT = "connect"
+    CHECK = "check"  # one finger after the other is bent
+    CHECKED = "checked"
     POSE_READY = "pose_ready"
     POSE_HOLD = "pose_hold"
     POSE_WORK = "pose_work"  # the calibration is computed
@@ -41,6 +45,8 @@ class Act(StrEnum):
     """What a person can do (or a tick find out)."""
 
     CONTINUE = "continue"
+    CHECK = "check"  # the sensors, finger by finger
+    EXCHANGE = "exchange"  # two strips that were found on each other's finger
     START = "start"
     STOP = "stop"
     ACCEPT = "accept"
@@ -60,17 +66,20 @@ class Act(StrEnum):
     FINISH = "finish"
     HELD = "held"  # the pose was still long enough
     POSED = "posed"  # and gave a calibration
+    SEEN = "seen"  # every finger that was asked for
     STARTED = "started"  # the countdown is over
     ENDED = "ended"  # the task's time is over
 
 
 S, A = State, Act
 TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
-    S.CONNECT: {A.CONTINUE: S.POSE_READY},
+    S.CONNECT: {A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
+    S.CHECK: {A.NEXT: S.CHECK, A.SEEN: S.CHECKED, A.STOP: S.CONNECT},
+    S.CHECKED: {A.EXCHANGE: S.CHECK, A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
     S.POSE_READY: {A.START: S.POSE_HOLD, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.TASKS, A.FINISH: S.FINISHED},
     S.POSE_HOLD: {A.HELD: S.POSE_WORK, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.POSE_READY},
     S.POSE_WORK: {A.POSED: S.POSE_REVIEW},
-    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY},
+    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY, A.EXCHANGE: S.POSE_READY},
     S.TASKS: {
         A.GROUP: S.TASKS,
         A.CHOOSE: S.TASK_READY,
@@ -101,7 +110,7 @@ OUTCOMES = {
     Act.SKIP: "skipped",
     Act.UNABLE: "unable",
 }
-BY_PERSON = set(Act) - {A.HELD, A.POSED, A.STARTED, A.ENDED}
+BY_PERSON = set(Act) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED}
 
 
 @dataclass(frozen=True)
@@ -114,6 +123,7 @@ class Facts:
     wander: float  # rad/s, of the sensor that moves most
     restless: str  # its segment
     measured: frozenset[str]  # segments with samples
+    bends: str = ""  # the finger that moves while the others hardly do
 
 
 @dataclass(frozen=True)
@@ -146,6 +156,9 @@ class Wizard:
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed
+    seen: tuple[tuple[str, str], ...] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
+    calm: bool = False  # since the last finger of the check
+    swapped: tuple[str, str] | None = None  # two fingers whose strips the pose shows on each other's
     task: str | None = None  # or step
     onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
@@ -170,11 +183,13 @@ class Wizard:
         acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
         barred = {
             Act.CONTINUE: not ready(facts),
+            Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,
+            Act.EXCHANGE: self.exchangeable() is None,
             Act.WITHOUT: self.calibrated or not ready(facts),
             Act.STOP: self.state is State.POSE_READY and not self.calibrated,
             Act.AGAIN: not self._trials_left(),
             Act.CALIBRATE: not self.steps_offered(facts),
-            Act.NEXT: self.next_step(facts) is None,
+            Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
             Act.USE: not self._usable(),
         }
         return [a for a in acts if not barred.get(a, False)]
@@ -192,11 +207,28 @@ class Wizard:
         names = [p.name for p in self.steps_offered(facts)]
         return next(iter(names[names.index(self.task) + 1 :]), None) if self.task in names else None
 
+    def checkable(self, facts: Facts) -> list[str]:
+        """Fingers of which a strip gives samples."""
+        return [f for f in FINGERS if CHAINS[f][-1] in facts.measured]
+
+    def asked(self, facts: Facts) -> str | None:
+        """The finger that is to bend now in the sensor check."""
+        return next((f for f in self.checkable(facts) if f not in dict(self.seen)), None) if self.state is State.CHECK else None
+
+    def exchangeable(self) -> tuple[str, str] | None:
+        """Two fingers whose strips are on each other's, as check or pose found."""
+        if self.state is State.POSE_REVIEW:
+            return self.swapped
+        moved = dict(self.seen) if self.state is State.CHECKED else {}
+        return next(((f, g) for f, g in moved.items() if f != g and moved.get(g) == f), None)
+
     def proposal(self, facts: Facts) -> Act | None:
         """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
         waited = self.state is State.POSE_HOLD and facts.now - self.since > PATIENT
         if waited or (self.state is State.POSE_READY and self.refusals):
             wish = Act.ASSIST if not self.passive else Act.WITHOUT
+        elif self.state is State.POSE_REVIEW and self.swapped:
+            wish = Act.EXCHANGE
         elif self.state is State.POSE_REVIEW and self.poor:
             wish = Act.REDO if self.used or not self.steps_offered(facts) else Act.CALIBRATE
         else:
@@ -273,6 +305,8 @@ def act(
         wizard = replace(wizard, task=task)
     if what is Act.CALIBRATE:
         wizard = replace(wizard, task=wizard.steps_offered(facts)[0].name)
+    if what is Act.NEXT and wizard.state is State.CHECK:
+        return _asked(wizard, facts, "")
     if what is Act.NEXT:
         wizard = replace(wizard, task=wizard.next_step(facts))
     if what is Act.GROUP:
@@ -286,6 +320,8 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     """Time passed: pose held long enough, countdown over, task or step over."""
     if wizard.state is State.POSE_HOLD:
         return _hold(wizard, facts)
+    if wizard.state is State.CHECK:
+        return _check(wizard, facts)
     protocol = wizard.protocol
     if wizard.state in COUNTING and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
@@ -300,9 +336,9 @@ def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
     return replace(wizard, state=State.POSE_READY, since=facts.now, still_since=None, message=message, refusals=wizard.refusals + 1)
 
 
-def posed(wizard: Wizard, facts: Facts, poor: int) -> tuple[Wizard, Sequence[Order]]:
-    """The pose gave a calibration that is poor for so many joints."""
-    return _enter(replace(wizard, refusals=0, poor=poor), Act.POSED, facts)
+def posed(wizard: Wizard, facts: Facts, poor: int, swapped: tuple[str, str] | None = None) -> tuple[Wizard, Sequence[Order]]:
+    """The pose gave a calibration that is poor for so many joints, and may show that two strips are on each other's finger."""
+    return _enter(replace(wizard, refusals=0, poor=poor, swapped=swapped), Act.POSED, facts)
 
 
 def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
@@ -334,6 +370,23 @@ def remaining(wizard: Wizard, facts: Facts) -> float | None:
     return None
 
 
+def _check(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
+    """The strip that moves alone, after a calm, is that of the finger that was asked for, or should be."""
+    asked = wizard.asked(facts)
+    if asked is None:
+        return _enter(wizard, Act.SEEN, facts)
+    if not wizard.calm:
+        return replace(wizard, calm=facts.flowing and facts.wander < CALM), ()
+    return _asked(wizard, facts, facts.bends) if facts.bends else (wizard, ())
+
+
+def _asked(wizard: Wizard, facts: Facts, moved: str) -> tuple[Wizard, Sequence[Order]]:
+    """Note whose strip moved, and ask for the next finger."""
+    wizard = replace(wizard, seen=(*wizard.seen, (wizard.asked(facts) or "", moved)), calm=False, since=facts.now)
+    following = wizard.asked(facts)
+    return wizard, [Order("cue_finger", following)] if following else []
+
+
 def _hold(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     """Count how long every sensor has been still; movement starts the count again."""
     if facts.wander > STILL_RATE or not facts.flowing:
@@ -359,6 +412,13 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     """Follow the table and say what is to be done."""
     before, after = wizard.state, TRANSITIONS[wizard.state][what]
     orders: list[Order] = []
+    if what is Act.EXCHANGE and (pair := wizard.exchangeable()):
+        orders += [Order("drop_pose")] if before is State.POSE_REVIEW else []
+        orders.append(Order("exchange", " ".join(pair)))
+        wizard = replace(wizard, swapped=None, calibrated=False, used=frozenset())
+    if after is State.CHECK:
+        wizard = replace(wizard, seen=(), calm=False)
+        orders.append(Order("cue_finger", wizard.checkable(facts)[0] if wizard.checkable(facts) else ""))
     if after is State.POSE_READY:
         orders.append(Order("cue", "initial_pose"))
     elif after is State.POSE_WORK:
@@ -383,7 +443,7 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
         wizard = replace(wizard, passive=not wizard.passive)
     if what is Act.WITHOUT:
         orders.append(Order("guess"))
-    if before is State.POSE_REVIEW and what is not Act.REDO:
+    if before is State.POSE_REVIEW and what not in (Act.REDO, Act.EXCHANGE):
         wizard = replace(wizard, closing=False, calibrated=True)
     if before is State.POSE_REVIEW and what is Act.REDO:
         wizard = replace(wizard, poor=0)

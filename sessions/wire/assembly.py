@@ -5,13 +5,14 @@ the base unit sent their samples on; after the device began again, the host's ar
 """
 
 from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from estimators import imu_calibration
 from estimators import quaternions as quat
+from estimators.hand_anatomy import CHAINS
 from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream
@@ -62,7 +63,9 @@ class Assembler:
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
     undescribed: int = 0  # bursts dropped because their stream was never described
+    exchanged: dict[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
     host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
+    _told: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
     _readings: dict[int, "_Reading"] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
     _zero: int | None = None  # base clock at recording time 0, ns; moves when the device begins again
@@ -100,6 +103,28 @@ class Assembler:
             return None
         return self.host.remote(arrival) - self._zero * NS
 
+    def exchange(self, worn_on: Mapping[str, str]) -> None:
+        """Strips sit on other fingers than they say: {"index": "ring", "ring": "index"}; what is not named is as it says."""
+        before = {number: stream.name for number, stream in self.streams.items()}
+        self.exchanged = {finger: on for finger, on in worn_on.items() if finger != on}
+        self.strips = {slot: self._worn(strip) for slot, strip in self._told.items()}
+        for strip in self.strips.values():
+            self._mount(strip)
+        self.streams.clear()
+        self._rename()
+        names = {name: self.streams[number].name for number, name in before.items() if number in self.streams}
+        self.counts = {names.get(name, name): count for name, count in self.counts.items()}
+        self._newest = {names.get(name, name): t for name, t in self._newest.items()}
+
+    def _worn(self, strip: Strip) -> Strip:
+        """The strip with the points of the finger that it is on."""
+        on = {p: q for finger, other in self.exchanged.items() for p, q in zip(CHAINS[finger], CHAINS[other])}
+        return replace(strip, points=tuple(on.get(p, p) for p in strip.points))
+
+    def _mount(self, strip: Strip) -> None:
+        turned = np.reshape(strip.mounting, (-1, 4)) if strip.mounting else np.tile(quat.IDENTITY, (len(strip.points), 1))
+        self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
+
     def _take(self, message: Message, arrival: float) -> "Iterable[_Burst]":
         match message:
             case Identity():
@@ -131,23 +156,26 @@ class Assembler:
             self._waiting.clear()
             self._early.clear()
             self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
+            self._told = {}
             self.calibrations, self._readings = {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity
 
-    def _plugged(self, strip: Strip) -> None:
+    def _plugged(self, told: Strip) -> None:
+        self._told[told.slot] = told
+        strip = self._worn(told)
         before = self.strips.get(strip.slot)
         if not strip.attached or (before is not None and before.strip_id != strip.strip_id):  # another strip has another flash
             self.calibrations = {key: c for key, c in self.calibrations.items() if key[0] != strip.slot}
         if not strip.attached:
             self.strips.pop(strip.slot, None)
+            self._told.pop(strip.slot, None)
             gone = [n for n, info in self.infos.items() if info.slot == strip.slot]
             for number in gone:
                 self.infos.pop(number), self.streams.pop(number, None)
         elif self.strips.get(strip.slot) != strip:
             self.strips[strip.slot] = strip
-            turned = np.reshape(strip.mounting, (-1, 4)) if strip.mounting else np.tile(quat.IDENTITY, (len(strip.points), 1))
-            self.mounting |= dict(zip(strip.points, quat.normalize(turned)))
+            self._mount(strip)
             self._rename()
 
     def _calibrated(self, calibration: StripCalibration) -> None:

@@ -6,6 +6,7 @@ import { known, t } from "../words/words.js";
 
 const PRIMARY = {
   connect: "continue",
+  checked: "continue",
   pose_ready: "start",
   pose_review: "accept",
   task_ready: "start",
@@ -101,6 +102,7 @@ export function mount(root, api, { station, given }) {
 function leading(wizard) {
   const can = (act) => wizard.actions.includes(act);
   if (wizard.proposal) return wizard.proposal;
+  if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
   if (can("again")) return "again";
   if (wizard.state !== "step_review") return PRIMARY[wizard.state];
   return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
@@ -112,6 +114,7 @@ function label(wizard, act) {
   const { state, remaining, actions } = wizard;
   if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
   if (act === "next") return t("act.next_step");
+  if (act === "exchange") return exchangeWords(wizard.check.exchange);
   if (act === "assist") return t(wizard.passive ? "act.assist.back" : "act.assist");
   if (act === "accept" && actions.includes("again")) return t("act.accept.leave");
   if (state === "task_run" && act === "stop" && remaining === null) return t("act.done"); // nothing else ends it
@@ -121,6 +124,10 @@ function label(wizard, act) {
 function nextWords({ title, trials, accepted }) {
   return trials > 1 && accepted ? t("act.next.trial", { task: title, trial: accepted + 1, trials }) : t("act.next", { task: title });
 }
+
+const faultless = ({ moved }) => Object.entries(moved).every(([finger, strip]) => finger === strip);
+
+const exchangeWords = ([one, other]) => t("act.exchange", { one: t(`part.${one}`), other: t(`part.${other}`) });
 
 const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
 const next = (wizard) => open(wizard)[0] ?? null;

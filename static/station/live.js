@@ -3,6 +3,7 @@ import { assemble, h, whenChanged } from "../dom.js";
 import * as actions from "./actions.js";
 import * as angles from "./angles.js";
 import * as banner from "./banner.js";
+import * as check from "./check.js";
 import * as countdown from "./countdown.js";
 import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
@@ -32,6 +33,7 @@ export function mount(root, api, about) {
   const side = {
     steps: place("steps"),
     guidance: place("guidance"),
+    check: place("check"),
     stillness: place("stillness"),
     score: place("score"),
     actions: place("actions"),
@@ -58,6 +60,7 @@ export function mount(root, api, about) {
     [numbers, places.numbers],
     [steps, side.steps],
     [guidance, side.guidance],
+    [check, side.check],
     [stillness, side.stillness],
     [score, side.score],
     [actions, side.actions],

@@ -3,7 +3,7 @@ import { h, whenChanged } from "../dom.js";
 import { partWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
-const SHOWN = ["connect", "pose_ready", "pose_hold", "step_ready"];
+const SHOWN = ["connect", "check", "pose_ready", "pose_hold", "step_ready"];
 
 export function mount(root, api, { station }) {
   const lamp = h("span", { class: "lamp", "aria-hidden": "true" });
@@ -12,7 +12,7 @@ export function mount(root, api, { station }) {
   const draw = whenChanged(
     ({ wizard, glove }) => [SHOWN.includes(wizard.state), glove.flowing, wizard.still, wizard.still ? "" : wizard.restless, wizard.state],
     ([shown, flowing, still, restless, state]) => {
-      const connecting = state === "connect"; // movement is wanted there, and nowhere else
+      const connecting = ["connect", "check"].includes(state); // movement is wanted there, and nowhere else
       root.hidden = !shown || !flowing;
       root.className = `stillness ${still === connecting ? (connecting ? "idle" : "unwanted") : "wanted"}`;
       lamp.textContent = still ? (connecting ? "" : "✓") : "~";

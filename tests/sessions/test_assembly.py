@@ -284,3 +284,24 @@ def test_answers_status_and_calibrations_are_kept() -> None:
     assert line.assembler.status == told[0]
     assert list(line.assembler.replies) == [told[1]]
     assert line.assembler.calibrations == {(2, 1): told[2]}
+
+
+def test_strips_exchanged_on_the_way_go_on_under_each_others_names_without_a_loss() -> None:
+    samples = {name: in_strips("left").samples[name] for name in ("hand", "index", "ring")}
+    sent = list(whole_session(samples, Format.FLOAT32))
+    assembler, encoder = Assembler(), Encoder()
+    found: dict[bool, dict[str, list[Block]]] = {False: {}, True: {}}
+    for k, message in enumerate(sent):
+        if k == len(sent) // 2:
+            assembler.exchange({"index": "ring", "ring": "index"})
+        for block in assembler.feed(encoder.frame(message.message), message.arrival):
+            found[k >= len(sent) // 2].setdefault(block.stream.name, []).append(block)
+    assert set(found[True]) == {"hand", "index", "ring"}
+    assert {c.lost for c in assembler.counts.values()} == {0}
+    for finger, other in (("index", "ring"), ("ring", "index")):
+        values = np.concatenate([b.values for half in ((False, finger), (True, other)) for b in found[half[0]][half[1]]])
+        np.testing.assert_array_equal(values, as_float32(samples[finger]))
+        assert found[True][finger][0].stream.sensors == samples[finger].stream.sensors
+    assembler.exchange({})
+    assert {s.name for s in assembler.streams.values()} == {"hand", "index", "ring"}
+    assert {p.split("_")[0] for strip in assembler.strips.values() for p in strip.points} == {"hand", "index", "ring"}

@@ -255,3 +255,20 @@ def test_a_strip_described_anew_goes_on_as_a_stream_of_its_own(tmp_path: Path) -
     assert {name: b.stream.rate for name, b in recording.samples.items()} == {"hand": 100.0, "index": 100.0, "index-2": 200.0}
     assert recording.samples["index-2"].stream.name == "index-2"
     assert len(recording.samples["index"].t) + len(recording.samples["index-2"].t) == len(SAMPLES["index"].t)
+
+
+def test_strips_found_on_each_others_finger_are_read_as_worn_from_the_beginning(tmp_path: Path) -> None:
+    two = {name: cut(in_strips("left").samples[name], [250])[0] for name in ("hand", "index", "ring")}
+    path, encoder = tmp_path / "exchanged.mcap", Encoder()
+    with Recorder(path, {"hand": "left"}, 100.0) as recorder:
+        for sent in whole_session(two, Format.FLOAT32):
+            recorder.write(encoder.frame(sent.message), sent.arrival)
+        recorder.metadata({"exchanged_strips": {"index": "ring", "ring": "index"}}, 103.0)  # found out at the end
+    read, plain = formats.load(path), in_strips("left")
+    for finger, other in (("index", "ring"), ("ring", "index")):
+        assert read.samples[finger].stream.sensors == plain.samples[finger].stream.sensors
+        np.testing.assert_array_equal(read.samples[finger].values, as_float32(two[other]))
+    assert read.warnings == (
+        "the strip of the index finger was worn on the ring finger and is read as that",
+        "the strip of the ring finger was worn on the index finger and is read as that",
+    )

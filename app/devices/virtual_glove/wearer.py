@@ -174,7 +174,7 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, 
     if task in HELD:
         return HELD[task](geometry, rng, 0.0).motion, max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
     if task == "wiggle" and details.get("finger") in FINGERS:
-        return tasks.wiggle(geometry, (details["finger"],)).motion, BRIDGE
+        return tasks.wiggle(geometry, (details["finger"],)).motion, max(BRIDGE, float(details.get("lead", 0.0)))
     if task in tasks.TIMED and "duration" in details:
         return tasks.TIMED[task](geometry, duration=float(details["duration"])).motion, BRIDGE
     if task in tasks.IN_STEP and "lead" in details:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from app.live import wizard
 from app.live.wizard import BY_PERSON, PATIENT, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import groups, load_all, load_steps
-from estimators.hand_anatomy import SEGMENTS
+from estimators.hand_anatomy import FINGERS, SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
 READY = Facts(now=100.0, t=50.0, flowing=True, wander=0.01, restless="hand", measured=frozenset(SEGMENTS))
@@ -296,3 +296,45 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(
                 wizard.act(w, what, facts, task)
         assert 0.0 <= wizard.progress(w, facts) <= 1.0
         assert (wizard.remaining(w, facts) or 0.0) >= 0.0
+
+
+def checked(moves: dict[str, str]) -> tuple[Wizard, list[Order]]:
+    """The sensor check gone through; by finger asked for, whose strip moves."""
+    w, orders = wizard.act(Wizard(PROTOCOLS, 3.0), Act.CHECK, READY)
+    cued = [*orders]
+    while w.state is State.CHECK:
+        w, orders = wizard.tick(w, READY)  # a calm
+        cued += orders
+        if asked := w.asked(READY):
+            w, orders = wizard.tick(w, replace(READY, wander=1.5)) if w.calm else (w, [])
+            assert (w.calm, list(orders)) == (True, [])  # something moves, but none alone
+            w, orders = wizard.tick(w, replace(READY, wander=1.5, bends=moves[asked])) if moves[asked] else wizard.act(w, Act.NEXT, READY)
+            cued += orders
+    return w, cued
+
+
+def test_the_sensor_check_asks_for_every_finger_and_sees_whose_strip_moves() -> None:
+    w, cued = checked({f: f for f in FINGERS})
+    assert kinds(cued) == [("cue_finger", f) for f in FINGERS]
+    assert (w.state, w.seen, w.exchangeable()) == (State.CHECKED, tuple((f, f) for f in FINGERS), None)
+    assert Act.EXCHANGE not in w.allowed(READY)
+
+
+def test_two_strips_on_each_others_finger_are_exchanged_by_one_press_and_checked_again() -> None:
+    w, _ = checked({**{f: f for f in FINGERS}, "index": "ring", "ring": "index"})
+    assert w.exchangeable() == ("index", "ring")
+    w, orders = wizard.act(w, Act.EXCHANGE, READY)
+    assert (w.state, w.seen, kinds(orders)) == (State.CHECK, (), [("exchange", "index ring"), ("cue_finger", "thumb")])
+
+
+def test_a_strip_that_does_not_move_and_one_that_moves_for_another_are_no_exchange() -> None:
+    w, _ = checked({**{f: f for f in FINGERS}, "index": "", "ring": "little"})
+    assert (dict(w.seen)["index"], dict(w.seen)["ring"], w.exchangeable()) == ("", "little", None)
+
+
+def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchange() -> None:
+    w, _ = wizard.posed(at(State.POSE_WORK), READY, 0, ("thumb", "index"))
+    assert w.proposal(READY) is Act.EXCHANGE
+    w, orders = wizard.act(w, Act.EXCHANGE, READY)
+    assert (w.state, w.swapped, w.calibrated) == (State.POSE_READY, None, False)
+    assert kinds(orders) == [("drop_pose", ""), ("exchange", "thumb index"), ("cue", "initial_pose")]

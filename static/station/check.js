@@ -1,0 +1,57 @@
+/** The sensors finger by finger: what moves lights up, what was seen is ticked, and what is wrong is said with what to do. */
+import { h, whenChanged } from "../dom.js";
+import { t } from "../words/words.js";
+
+const FINGERS = ["thumb", "index", "middle", "ring", "little"];
+const SIGN = { seen: "✓", wrong: "!", dead: "×", asked: "→" };
+
+export function mount(root, api, { station }) {
+  const list = h("ul", { class: "fingers" });
+  const said = h("div", { role: "status" });
+  root.append(list, said);
+  let lit = new Set(); // fingers that lit up since the page stands
+  const draw = whenChanged(
+    ({ wizard, glove }) => [wizard.check, wizard.state, wizard.still ? "" : wizard.restless.split("_")[0], glove.flowing],
+    ([check, state, moving, flowing]) => {
+      root.hidden = !check || state === "pose_review" || !flowing;
+      if (root.hidden) return;
+      if (state === "connect" && FINGERS.includes(moving)) lit = lit.add(moving);
+      list.replaceChildren(...FINGERS.map((finger) => chip(finger, standing(finger, check, state), finger === moving)));
+      said.replaceChildren(...(state === "checked" ? verdicts(check) : []));
+    },
+  );
+
+  function standing(finger, { fingers, asked, moved }, state) {
+    if (!fingers.includes(finger)) return "missing";
+    if (finger === asked) return "asked";
+    if (finger in moved) return moved[finger] === finger ? "seen" : moved[finger] ? "wrong" : "dead";
+    return state === "connect" && lit.has(finger) ? "seen" : "open";
+  }
+
+  return station.on("full", draw);
+}
+
+function chip(finger, standing, moving) {
+  return h(
+    "li",
+    { class: `${standing} ${moving ? "lit" : ""}` },
+    h("span", { "aria-hidden": "true" }, SIGN[standing] ?? ""),
+    h("span", {}, t(`finger.${finger}`)),
+    h("span", { class: "heard" }, t(`check.${standing}`)),
+  );
+}
+
+/** What the check found. */
+function verdicts({ moved, exchange }) {
+  const part = (finger) => t(`part.${finger}`);
+  const [one, other] = exchange;
+  const rest = Object.entries(moved).filter(([finger, strip]) => strip !== finger && !exchange.includes(finger));
+  const found = [
+    one && t("check.exchanged", { one: part(one), other: part(other) }),
+    ...rest.map(([finger, strip]) =>
+      strip ? t("check.other", { finger: part(finger), strip: part(strip) }) : t("check.silent", { finger: part(finger) }),
+    ),
+  ].filter(Boolean);
+  if (!found.length) return [h("p", { class: "good-words" }, t("check.fine"))];
+  return found.map((text) => h("p", { class: "warning" }, text));
+}
