@@ -727,13 +727,13 @@ export default {
     "On the patient's page choose the hand and the glove, then press “Start session”. To try things out, take a virtual glove.",
   "help.connect": "Connect.",
   "help.connect.text":
-    "Ask the patient to bend one finger after the other. The finger that moves must light up in the picture. Then continue.",
+    "Ask the patient to bend one finger after the other. The finger that moves must light up in the picture and on the page. “Check the sensors finger by finger” finds strips that are exchanged or loose. Then continue.",
   "help.pose": "Take the initial pose.",
   "help.pose.text":
-    "The blue hand shows it: hand flat, fingers straight and together, thumb stretched out sideways. Press “Start” and let the hand lie still until the bar is full. If the hand in the picture does not lie as the patient's does, do it again.",
+    "The blue hand shows it: hand flat, fingers straight and together, thumb stretched out sideways. Press “Start” and let the hand lie still until the bar is full. If the hand in the picture does not lie as the patient's does, do it again. A patient who cannot take the pose is helped: press “I lay the hand into the pose”. “Calibration by joint” tells how good it is.",
   "help.tasks": "Do the tasks.",
   "help.tasks.text":
-    "Choose a task, read the sentence to the patient, press “Start”. After the countdown the large number shows the seconds left. Then accept it, do it again, or skip it with a reason. “Which tasks?” offers further groups of tasks; some beat time in sound and light, and some are done several times.",
+    "Choose a task, read the sentence to the patient, press “Start”. After the countdown the large number shows the seconds left. Then accept it, do it again, or skip it with a reason. “Pause” stops the trial, not the recording. “Patient could not” is kept as a finding. Where a task asks for your own score, press the number before you accept. “Which tasks?” offers further groups of tasks; some beat time in sound and light, and some are done several times.",
   "help.finish": "Finish.",
   "help.finish.text": "Press “Finish session”. The results appear after a few seconds.",
   "help.report": "Read, print, replay.",
