@@ -57,6 +57,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     faults.add_argument("--delay", type=float, default=0.0, metavar="S", help="hold everything back for S seconds every 3 s")
     faults.add_argument("--drift", type=float, default=0.0, metavar="PPM", help="drift of the glove's clock")
     faults.add_argument("--saturate", type=float, metavar="DEG/S", help="full scale of the gyroscopes")
+    faults.add_argument("--exchange", nargs=2, choices=FINGERS, metavar="FINGER", help="two strips are on each other's finger")
     faults.add_argument("--pull", action="append", default=[], metavar="STRIP@T", help="pull a strip T seconds after the start")
     faults.add_argument("--plug", action="append", default=[], metavar="STRIP@T", help="plug it in again")
     faults.add_argument("--unplug", action="append", default=[], metavar="T[:S]", help="pull the cable at T, for S seconds (for good)")
@@ -104,6 +105,11 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     limit = float(np.radians(errors.gyr_range))
     streams = tuple(replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in streams)
     person = SimulatedPerson(hand, sized(hand), streams, rng, errors)
+    if arguments.exchange:
+        one, other = arguments.exchange
+        if missing := {one, other} - {s.name for s in streams}:
+            raise InputError(f"--exchange names the strip {missing.pop()!r}, which is not plugged in")
+        person.worn_on = {one: other, other: one}
     if arguments.task is not None:
         if arguments.task not in tasks.TASKS:
             raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(tasks.TASKS)}")

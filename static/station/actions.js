@@ -24,6 +24,7 @@ export function mount(root, api, { station, given }) {
   const box = errorBox();
   const actions = h("div", { class: "buttons-tall" });
   root.append(actions, box.element);
+  let owed = false; // the focus was on a button and nothing can be pressed just now: the next button gets it
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
@@ -44,7 +45,7 @@ export function mount(root, api, { station, given }) {
   function buttons([state, allowed]) {
     const { wizard } = station.latest;
     if (asking === state) return;
-    const held = actions.contains(document.activeElement);
+    const held = actions.contains(document.activeElement) || (owed && document.activeElement === document.body);
     closeQuestion();
     box.clear();
     const primary = leading(wizard);
@@ -59,7 +60,9 @@ export function mount(root, api, { station, given }) {
     if (state === "connect" && !allowed.includes("continue") && !station.latest.glove.problem)
       drawn.push(h("p", { class: "soft" }, t("wizard.waiting")));
     actions.replaceChildren(...drawn);
-    if (held) actions.querySelector("button")?.focus();
+    const first = actions.querySelector("button");
+    if (held) first?.focus();
+    owed = held && !first;
   }
 
   function button(act, text, isPrimary, work) {

@@ -1,14 +1,14 @@
 """Where a virtual glove's samples come from: a simulated person who does what the cue says, or a recording played back."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, SEGMENT, SEGMENTS, Hand
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Event, Stream
@@ -59,6 +59,7 @@ class SimulatedPerson:
     rng: np.random.Generator
     errors: SensorErrors
     repeat: str | None = None  # a task that is begun again whenever nothing else is going on
+    worn_on: Mapping[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
 
     def __post_init__(self) -> None:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
@@ -69,7 +70,8 @@ class SimulatedPerson:
 
     def samples(self, stream: Stream, start: float, stop: float) -> Block:
         t, readings = self._readings(stream.rate, start, stop)
-        rows = [self._sensors.segments.index(s) for s in stream.sensors]
+        on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
+        rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
         values = readings[:, rows]
         return Block(stream, t, values if stream.inertial else np.full((len(t), len(rows), 3 * len(stream.quantities)), np.nan))
 

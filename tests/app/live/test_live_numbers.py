@@ -22,22 +22,27 @@ TAPS = 2.5  # Hz
 WIDEST, NARROWEST = 80.0, 10.0  # mm
 
 
-@pytest.fixture
-def station(tmp_path: Path) -> Iterator[Station]:
-    """A station whose glove was never opened, in its tasks."""
+def setup_of(folder: Path) -> Setup:
+    """What a station of the left hand is opened with."""
     m2 = METHODS["m2"]
-    setup = Setup(
+    return Setup(
         session=1,
         hand="left",
         geometry=sized("left"),
         port="none",
-        recording=tmp_path / "r.mcap",
+        recording=folder / "r.mcap",
         method_name="m2",
         method=m2,
         params=m2.Params(),
         protocols=tuple(load_all().values()),
         about={},
     )
+
+
+@pytest.fixture
+def station(tmp_path: Path) -> Iterator[Station]:
+    """A station whose glove was never opened, in its tasks."""
+    setup = setup_of(tmp_path)
     made = Station("test", setup, lambda _: None)
     made.curve.follow("aperture")
     yield made
