@@ -16,6 +16,7 @@ from estimators.hand_anatomy import CHAINS, FINGERS
 ROUTINE = "routine"  # the group of the usual assessment
 LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
 CALM = 0.3  # rad/s below which nothing bends: between two fingers of the check
+SETTLE = 1.2  # s after a finger was asked for until a calm counts: movement is told over a second
 PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
 
@@ -376,7 +377,7 @@ def _check(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     if asked is None:
         return _enter(wizard, Act.SEEN, facts)
     if not wizard.calm:
-        return replace(wizard, calm=facts.flowing and facts.wander < CALM), ()
+        return replace(wizard, calm=facts.flowing and facts.wander < CALM and facts.now - wizard.since > SETTLE), ()
     return _asked(wizard, facts, facts.bends) if facts.bends else (wizard, ())
 
 

@@ -80,7 +80,8 @@ class SimulatedPerson:
             return False
         motion, begins = _performance(task, details, self.geometry, self.rng)
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
-        self._motion = _joined(after((x, dx, ddx), [(t + begins, tasks.relaxed())], t), shifted(motion, t + begins))
+        waits = [(t + BRIDGE, tasks.relaxed())] if begins > BRIDGE else []
+        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, tasks.relaxed())], t), shifted(motion, t + begins))
         return True
 
     def marks(self, start: float, stop: float) -> list[Event]:

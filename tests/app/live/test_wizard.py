@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.live import wizard
-from app.live.wizard import BY_PERSON, PATIENT, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
+from app.live.wizard import BY_PERSON, PATIENT, SETTLE, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import groups, load_all, load_steps
 from estimators.hand_anatomy import FINGERS, SEGMENTS
 
@@ -301,16 +301,17 @@ def test_whatever_people_press_the_wizard_stays_on_its_table(
 def checked(moves: dict[str, str]) -> tuple[Wizard, list[Order]]:
     """The sensor check gone through; by finger asked for, whose strip moves."""
     w, orders = wizard.act(Wizard(PROTOCOLS, 3.0), Act.CHECK, READY)
-    cued = [*orders]
-    while w.state is State.CHECK:
-        w, orders = wizard.tick(w, READY)  # a calm
+    cued, facts = [*orders], READY
+    while (asked := w.asked(facts)) is not None:
+        moving = replace(facts, wander=1.5, bends="thumb")  # still, from the finger before
+        assert wizard.tick(w, moving)[0] == w
+        facts = later(facts, SETTLE + 0.1)
+        w, _ = wizard.tick(w, facts)
+        assert w.calm
+        assert wizard.tick(w, replace(facts, wander=1.5))[0] == w  # something moves, but none alone
+        w, orders = wizard.tick(w, replace(facts, wander=1.5, bends=moves[asked])) if moves[asked] else wizard.act(w, Act.NEXT, facts)
         cued += orders
-        if asked := w.asked(READY):
-            w, orders = wizard.tick(w, replace(READY, wander=1.5)) if w.calm else (w, [])
-            assert (w.calm, list(orders)) == (True, [])  # something moves, but none alone
-            w, orders = wizard.tick(w, replace(READY, wander=1.5, bends=moves[asked])) if moves[asked] else wizard.act(w, Act.NEXT, READY)
-            cued += orders
-    return w, cued
+    return wizard.tick(w, facts)[0], cued
 
 
 def test_the_sensor_check_asks_for_every_finger_and_sees_whose_strip_moves() -> None:
