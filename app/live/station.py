@@ -20,8 +20,9 @@ import numpy as np
 from app.devices.glove import Glove
 from app.live import ghost, wizard
 from app.live.curve import Curve
+from app.live.moving_finger import MOVES, bends
 from app.live.telling import beat, tell
-from app.live.tracking import Motion, Tracking
+from app.live.tracking import Tracking
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import Protocol
 from app.scene.hand_scene import HandScene
@@ -45,8 +46,6 @@ TICK = 0.1  # s
 TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
 DRAWN = 1 / 60  # s, least time between two pictures of the scene
 FLOWING = 0.5  # s without a sample that count as silence
-MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
-ALONE = 2.0  # times as fast as every other finger moves the one that bends alone
 FINGER_LEAD = 2.5  # s in which the finger before has come to rest
 WIGGLE = 10.0  # s that bending one finger after the other takes
 THUMB = (POSE_THUMB[0] * DEG, POSE_THUMB[1] * DEG, POSE_THUMB[2] * DEG)
@@ -210,7 +209,7 @@ class Station:
         fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING}
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
-        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh), _bends(fresh))
+        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh), bends(fresh))
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity
@@ -285,7 +284,7 @@ class Station:
                 self._keep_pose(pose)
                 self.scene.measured(_measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
-                self._wizard, orders = wizard.posed(self._wizard, facts, poor, self._swapped())
+                self._wizard, orders = wizard.posed(self._wizard, facts, poor, self.tracking.swapped())
                 self._do(orders, facts)
         self._notify()
 
@@ -323,13 +322,6 @@ class Station:
         self.glove.keep_event(f"pose-{self.attempt_numbers}", None)
         self._calibration = self.tracking.take_back()
         self.scene.face_ahead()
-
-    def _swapped(self) -> tuple[str, str] | None:
-        """Two fingers whose strips the pose shows on each other's."""
-        fingers = list(
-            dict.fromkeys(f.sensor.split("_")[0] for f in self.tracking.findings if f.kind == "swapped" and f.severity == "fault")
-        )
-        return (fingers[0], fingers[1]) if len(fingers) == 2 else None
 
     def joints(self) -> list[JointQuality]:
         """How good the calibration in force is for each joint; empty before the first."""
@@ -397,14 +389,6 @@ class Station:
     def _notify(self) -> None:
         for notice in list(self._viewers):
             notice()
-
-
-def _bends(motion: Mapping[str, Motion]) -> str:
-    """The finger that moves clearly faster than any other and the hand; empty where none does."""
-    rates = {f: max((motion[s].rate for s in CHAINS[f] if s in motion), default=0.0) for f in FINGERS}
-    rates["hand"] = motion["hand"].rate if "hand" in motion else 0.0
-    first, second = sorted(rates, key=lambda f: rates[f], reverse=True)[:2]
-    return first if first in FINGERS and rates[first] > max(MOVES, ALONE * rates[second]) else ""
 
 
 def _measured_fingers(calibration: Calibration) -> list[str]:

@@ -144,6 +144,11 @@ class Tracking:
         """What is wrong with single sensors by the samples kept, as far as that can be told without a pose."""
         return tuple(f for f in sensor_checks.check(self._since(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
 
+    def swapped(self) -> tuple[str, str] | None:
+        """Two fingers whose strips the pose shows on each other's."""
+        fingers = list(dict.fromkeys(f.sensor.split("_")[0] for f in self.findings if f.kind == "swapped" and f.severity == "fault"))
+        return (fingers[0], fingers[1]) if len(fingers) == 2 else None
+
     def _replace(self, calibration: Calibration) -> None:
         with self._lock:
             seen = {name: float(blocks[-1].t[-1]) for name, blocks in self._samples.items() if blocks}

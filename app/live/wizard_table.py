@@ -1,0 +1,97 @@
+"""The wizard's states, what leads from each to the next, and what a person can do about it: the table that everything about states is in."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+
+class State(StrEnum):
+    CONNECT = "connect"
+    CHECK = "check"  # one finger after the other is bent
+    CHECKED = "checked"
+    POSE_READY = "pose_ready"
+    POSE_HOLD = "pose_hold"
+    POSE_WORK = "pose_work"  # the calibration is computed
+    POSE_REVIEW = "pose_review"
+    TASKS = "tasks"
+    TASK_READY = "task_ready"
+    COUNTDOWN = "countdown"
+    TASK_RUN = "task_run"
+    TASK_PAUSED = "task_paused"  # the recording goes on
+    TASK_REVIEW = "task_review"
+    STEP_READY = "step_ready"  # steps of a functional calibration
+    STEP_COUNTDOWN = "step_countdown"
+    STEP_RUN = "step_run"
+    STEP_REVIEW = "step_review"
+    FINISHED = "finished"
+
+
+class Act(StrEnum):
+    """What a person can do (or a tick find out)."""
+
+    CONTINUE = "continue"
+    CHECK = "check"  # the sensors, finger by finger
+    EXCHANGE = "exchange"  # two strips that were found on each other's finger
+    START = "start"
+    STOP = "stop"
+    ACCEPT = "accept"
+    REDO = "redo"
+    SKIP = "skip"
+    UNABLE = "unable"  # the patient could not do it: a finding, not a gap
+    PAUSE = "pause"
+    GROUP = "group"  # of tasks to choose from
+    CHOOSE = "choose"
+    AGAIN = "again"  # keep this trial, and on to the next of the same task
+    CALIBRATE = "calibrate"  # by movements
+    NEXT = "next"  # step of the calibration
+    USE = "use"  # the steps that were done well, from the initial pose that follows on
+    ASSIST = "assist"  # the therapist lays the hand into the pose, or the patient takes it again
+    WITHOUT = "without"  # any calibration: defaults, and everything is flagged
+    RECALIBRATE = "recalibrate"
+    FINISH = "finish"
+    HELD = "held"  # the pose was still long enough
+    POSED = "posed"  # and gave a calibration
+    SEEN = "seen"  # every finger that was asked for
+    STARTED = "started"  # the countdown is over
+    ENDED = "ended"  # the task's time is over
+
+
+S, A = State, Act
+TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
+    S.CONNECT: {A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
+    S.CHECK: {A.NEXT: S.CHECK, A.SEEN: S.CHECKED, A.STOP: S.CONNECT},
+    S.CHECKED: {A.EXCHANGE: S.CHECK, A.CONTINUE: S.POSE_READY, A.CHECK: S.CHECK},
+    S.POSE_READY: {A.START: S.POSE_HOLD, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.TASKS, A.FINISH: S.FINISHED},
+    S.POSE_HOLD: {A.HELD: S.POSE_WORK, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.POSE_READY},
+    S.POSE_WORK: {A.POSED: S.POSE_REVIEW},
+    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY, A.EXCHANGE: S.POSE_READY},
+    S.TASKS: {
+        A.GROUP: S.TASKS,
+        A.CHOOSE: S.TASK_READY,
+        A.CALIBRATE: S.STEP_READY,
+        A.RECALIBRATE: S.POSE_READY,
+        A.FINISH: S.FINISHED,
+    },
+    S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.UNABLE: S.TASKS, A.STOP: S.TASKS},
+    S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
+    S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW, A.PAUSE: S.TASK_PAUSED},
+    S.TASK_PAUSED: {A.START: S.COUNTDOWN, A.STOP: S.TASK_REVIEW, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
+    S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
+    S.STEP_READY: {A.START: S.STEP_COUNTDOWN, A.NEXT: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
+    S.STEP_COUNTDOWN: {A.STARTED: S.STEP_RUN, A.STOP: S.STEP_READY},
+    S.STEP_RUN: {A.ENDED: S.STEP_REVIEW, A.STOP: S.STEP_READY},
+    S.STEP_REVIEW: {A.NEXT: S.STEP_READY, A.REDO: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
+    S.FINISHED: {},
+}
+COUNTING = (S.COUNTDOWN, S.STEP_COUNTDOWN)
+RUNNING = (S.TASK_RUN, S.STEP_RUN)
+STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
+PASSING = ("redone", "paused")  # outcomes after which the task is still to be done
+OUTCOMES = {
+    Act.ACCEPT: "accepted",
+    Act.AGAIN: "accepted",
+    Act.REDO: "redone",
+    Act.START: "paused",
+    Act.SKIP: "skipped",
+    Act.UNABLE: "unable",
+}
+BY_PERSON = set(Act) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED}
