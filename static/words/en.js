@@ -452,7 +452,7 @@ export default {
   "act.skip": "Skip with reason",
   "act.unable": "Patient could not",
   "act.pause": "Pause",
-  "act.check": "Check the sensors finger by finger",
+  "act.check": "Check finger by finger",
   "act.check.next": "It bends, but nothing lights up",
   "act.check.stop": "Leave the check",
   "act.checked.check": "Check again",
@@ -727,7 +727,7 @@ export default {
     "On the patient's page choose the hand and the glove, then press “Start session”. To try things out, take a virtual glove.",
   "help.connect": "Connect.",
   "help.connect.text":
-    "Ask the patient to bend one finger after the other. The finger that moves must light up in the picture and on the page. “Check the sensors finger by finger” finds strips that are exchanged or loose. Then continue.",
+    "Ask the patient to bend one finger after the other. The finger that moves must light up in the picture and on the page. “Check finger by finger” finds strips that are exchanged or loose. Then continue.",
   "help.pose": "Take the initial pose.",
   "help.pose.text":
     "The blue hand shows it: hand flat, fingers straight and together, thumb stretched out sideways. Press “Start” and let the hand lie still until the bar is full. If the hand in the picture does not lie as the patient's does, do it again. A patient who cannot take the pose is helped: press “I lay the hand into the pose”. “Calibration by joint” tells how good it is.",
