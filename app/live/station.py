@@ -91,6 +91,7 @@ class Station:
         self._viewers: list[Callable[[], object]] = []
         self._stop = threading.Event()
         self._problem = ""
+        self.faults: list[str] = []  # of sensors, found by the check
         self.exchanged: dict[str, str] = {}  # strips that are on another finger than they say
         self._wiggled = -np.inf  # host's clock when a virtual patient was told last to bend one finger after the other
         self._known = Facts(time.monotonic(), -np.inf, False, 0.0, "", frozenset())
@@ -227,6 +228,8 @@ class Station:
                 self._calibrate(order)
             elif order.kind == "cue_finger":
                 self.glove.send(Cue("wiggle", {"finger": order.task, "lead": f"{FINGER_LEAD:g}"}))
+            elif order.kind == "look":
+                threading.Thread(target=self._look, name=f"sensors {self.name}", daemon=True).start()
             elif order.kind == "exchange":
                 self._exchange(*order.task.split())
             elif order.kind == "guess":
@@ -308,6 +311,11 @@ class Station:
         self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}))
         self.scene.face_ahead()
         self.scene.measured(_measured_fingers(c))
+
+    def _look(self) -> None:
+        """In a thread of its own: sensors that stood still while others moved."""
+        self.faults = [f.said for f in self.tracking.faults()]
+        self._notify()
 
     def _exchange(self, one: str, other: str) -> None:
         """Two strips are on each other's finger: read so from now on, and in the recording from its beginning."""

@@ -332,6 +332,8 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
         orders += [Order("drop_pose")] if before is State.POSE_REVIEW else []
         orders.append(Order("exchange", " ".join(pair)))
         wizard = replace(wizard, swapped=None, calibrated=False, used=frozenset())
+    if after is State.CHECKED:
+        orders.append(Order("look"))
     if after is State.CHECK:
         wizard = replace(wizard, seen=(), calm=False)
         orders.append(Order("cue_finger", wizard.checkable(facts)[0] if wizard.checkable(facts) else ""))

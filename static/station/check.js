@@ -1,5 +1,6 @@
 /** The sensors finger by finger: what moves lights up, what was seen is ticked, and what is wrong is said with what to do. */
 import { h, whenChanged } from "../dom.js";
+import { inWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const FINGERS = ["thumb", "index", "middle", "ring", "little"];
@@ -11,13 +12,19 @@ export function mount(root, api, { station }) {
   root.append(list, said);
   let lit = new Set(); // fingers that lit up since the page stands
   const draw = whenChanged(
-    ({ wizard, glove }) => [wizard.check, wizard.state, wizard.still ? "" : wizard.restless.split("_")[0], glove.flowing],
-    ([check, state, moving, flowing]) => {
+    ({ wizard, glove, sensor_faults }) => [
+      wizard.check,
+      wizard.state,
+      wizard.still ? "" : wizard.restless.split("_")[0],
+      glove.flowing,
+      sensor_faults,
+    ],
+    ([check, state, moving, flowing, faults]) => {
       root.hidden = !check || state === "pose_review" || !flowing;
       if (root.hidden) return;
       if (state === "connect" && FINGERS.includes(moving)) lit = lit.add(moving);
       list.replaceChildren(...FINGERS.map((finger) => chip(finger, standing(finger, check, state), finger === moving)));
-      said.replaceChildren(...(state === "checked" ? verdicts(check) : []));
+      said.replaceChildren(...(state === "checked" ? verdicts(check, faults) : []));
     },
   );
 
@@ -42,7 +49,7 @@ function chip(finger, standing, moving) {
 }
 
 /** What the check found. */
-function verdicts({ moved, exchange }) {
+function verdicts({ moved, exchange }, faults) {
   const part = (finger) => t(`part.${finger}`);
   const [one, other] = exchange;
   const rest = Object.entries(moved).filter(([finger, strip]) => strip !== finger && !exchange.includes(finger));
@@ -51,6 +58,7 @@ function verdicts({ moved, exchange }) {
     ...rest.map(([finger, strip]) =>
       strip ? t("check.other", { finger: part(finger), strip: part(strip) }) : t("check.silent", { finger: part(finger) }),
     ),
+    ...faults.map(inWords),
   ].filter(Boolean);
   if (!found.length) return [h("p", { class: "good-words" }, t("check.fine"))];
   return found.map((text) => h("p", { class: "warning" }, text));

@@ -1,5 +1,6 @@
 """What a live session writes into the recording of a task with trials and phases, and what it tells a virtual patient."""
 
+import threading
 from dataclasses import replace
 from typing import Any
 
@@ -7,10 +8,16 @@ import pytest
 
 from app.live import wizard
 from app.live.station import Station
+from app.live.stations import Stations
 from app.live.wizard import Act, State
+from estimators import initial_pose
+from estimators.calibration import Calibration
 from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENTS
+from estimators.hand_geometry import sized
 from estimators.samples import Event
 from sessions.wire.messages import Cue
+from tests.app.devices.virtual import wait_for
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.test_wizard import READY
 
@@ -91,3 +98,48 @@ def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station
         station._wizard, orders = wizard.act(station._wizard, Act.START, READY)
         station._do(orders, READY)
     assert sent == [Cue("powerglove_01_index_mcp", {"lead": "3"}), Cue("tapping", {"lead": "3", "duration": "18"})]
+
+
+def test_a_station_goes_on_while_a_calibration_is_computed(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    computing, calibration = threading.Event(), initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+
+    def calibrate(pose: initial_pose.Pose) -> Calibration:
+        assert computing.wait(5.0)
+        return calibration
+
+    monkeypatch.setattr(station.tracking, "calibrate", calibrate)
+    station._wizard = replace(station._wizard, state=State.POSE_WORK, passive=True)
+    station._do([wizard.Order("calibrate", onset=10.0, end=13.0)], READY)
+    assert station.snapshot()["wizard"]["state"] == "pose_work"  # at once
+    computing.set()
+    wait_for(lambda: station.snapshot()["wizard"]["state"] == "pose_review")
+    assert [(e.trial_type, e.details["held_by"]) for e in events] == [("initial_pose", "therapist")]
+    assert initial_pose.pose_of(events[0]).passive
+    assert len(station.snapshot()["calibration"]["joints"]) == 16
+
+
+def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None:
+    ending, ended, kept = threading.Event(), threading.Event(), []
+
+    class Slow(Station):
+        def __init__(self) -> None:
+            self.name = "slow"
+
+        def __exit__(self, *_: object) -> None:
+            ending.set()
+            assert ended.wait(5.0)
+
+    stations = Stations(lambda s: kept.append(s.name))
+    stations._stations["slow"] = Slow()
+    finishing = threading.Thread(target=stations.close, args=("slow",))
+    finishing.start()
+    assert ending.wait(5.0)
+    leaving = threading.Thread(target=stations.__exit__, args=(None, None, None))
+    leaving.start()
+    leaving.join(0.2)
+    assert leaving.is_alive() and kept == []
+    ended.set()
+    leaving.join(5.0)
+    finishing.join(5.0)
+    assert not leaving.is_alive() and kept == ["slow"]

@@ -246,3 +246,17 @@ def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_firs
     np.testing.assert_array_equal(both.trajectory.between(0.0, t).angles, one.trajectory.between(0.0, t).angles)
     after = both.trajectory.between(t + 1.0, np.inf).angles - one.trajectory.between(t + 1.0, np.inf).angles
     assert np.nanmax(np.abs(after)) > np.radians(2.0)
+
+
+def test_a_dead_sensor_is_named_without_a_pose() -> None:
+    rng = np.random.default_rng(6)
+    samples = {}
+    for name, b in in_strips("left").samples.items():
+        values = b.values + 2e-3 * rng.normal(size=b.values.shape)  # a living sensor's noise
+        values[:, 2:3] = values[:1, 2:3] if name == "ring" else values[:, 2:3]
+        samples[name] = Block(b.stream, b.t, values)
+    tracking, _ = live()
+    with tracking:
+        tracking.feed(list(samples.values()))
+        wait_for(lambda: tracking.newest_sample() > 12.0)
+        assert {f.sensor for f in tracking.faults()} == {"ring_distal"}
