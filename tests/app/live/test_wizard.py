@@ -2,14 +2,30 @@
 
 from dataclasses import replace
 from math import isnan
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.live import wizard
-from app.live.wizard import BY_PERSON, PATIENT, SETTLE, STEPPING, TRANSITIONS, Act, Facts, NotNowError, Order, State, Wizard
+from app.live.wizard import (
+    BY_PERSON,
+    OUTCOMES,
+    PASSING,
+    PATIENT,
+    SETTLE,
+    STEPPING,
+    TRANSITIONS,
+    Act,
+    Facts,
+    NotNowError,
+    Order,
+    State,
+    Wizard,
+)
 from app.protocols import groups, load_all, load_steps
+from estimators.calibration_quality import GRADES, LIMITS
 from estimators.hand_anatomy import FINGERS, SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
@@ -339,3 +355,15 @@ def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchang
     w, orders = wizard.act(w, Act.EXCHANGE, READY)
     assert (w.state, w.swapped, w.calibrated) == (State.POSE_READY, None, False)
     assert kinds(orders) == [("drop_pose", ""), ("exchange", "thumb index"), ("cue", "initial_pose")]
+
+
+def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
+    words = (Path(__file__).parents[3] / "static" / "words" / "en.js").read_text("utf-8")
+    proposed = [
+        *((state, act) for state in (State.POSE_READY, State.POSE_HOLD) for act in (Act.ASSIST, Act.WITHOUT)),
+        *((State.POSE_REVIEW, act) for act in (Act.CALIBRATE, Act.REDO, Act.EXCHANGE)),
+    ]
+    keys = [f"proposal.{state}.{act}" for state, act in proposed] + [f"outcome.{o}" for o in set(OUTCOMES.values()) - set(PASSING)]
+    keys += [f"joints.{grade}" for grade in GRADES] + [f"joints.why.{reason}" for reason in (*LIMITS, "fault", "uncalibrated")]
+    keys += [f"group.{group}" for group in groups(PROTOCOLS)]
+    assert [key for key in keys if f'"{key}":' not in words] == []
