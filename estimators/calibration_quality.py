@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from estimators.calibration import Calibration
-from estimators.hand_anatomy import JOINTS
+from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS
 
 DEG = np.pi / 180
 Grade = Literal["good", "fair", "poor", "none"]
@@ -34,6 +34,11 @@ class JointQuality:
     reason: str = ""  # restless, tilted, turned, axis; fault, uncalibrated
     segment: str = ""  # whose sensor decided it
     value: float = 0.0  # rad or rad/s
+
+
+def measured_fingers(calibration: Calibration) -> list[str]:
+    """Fingers of which every segment has a sensor."""
+    return [f for f in FINGERS if set(CHAINS[f]) <= set(calibration.q_BS)]
 
 
 def of_joints(calibration: Calibration, faulty: Collection[str] = ()) -> list[JointQuality]:

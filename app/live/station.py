@@ -285,7 +285,7 @@ class Station:
             else:
                 self._calibration = calibration
                 self._keep_pose(pose)
-                self.scene.measured(_measured_fingers(calibration))
+                self.scene.measured(calibration_quality.measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
                 self._wizard, orders = wizard.posed(self._wizard, facts, poor, self.tracking.swapped())
                 self._do(orders, facts)
@@ -310,7 +310,7 @@ class Station:
         self.attempt_numbers += 1
         self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}))
         self.scene.face_ahead()
-        self.scene.measured(_measured_fingers(c))
+        self.scene.measured(calibration_quality.measured_fingers(c))
 
     def _look(self) -> None:
         """In a thread of its own: sensors that stood still while others moved."""
@@ -397,7 +397,3 @@ class Station:
     def _notify(self) -> None:
         for notice in list(self._viewers):
             notice()
-
-
-def _measured_fingers(calibration: Calibration) -> list[str]:
-    return [f for f in FINGERS if set(CHAINS[f]) <= set(calibration.q_BS)]
