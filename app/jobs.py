@@ -131,6 +131,16 @@ def make_report(result_id: int, form: str, language: str = "en", paper: Paper = 
         return FORMS[form](report(_store, results.get(db, result_id)), Style(languages()[language], paper))
 
 
+def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:
+    """In the working process: the replay of a result as one file."""
+    from app.language import languages
+    from app.replay_file.kept import of_result
+
+    assert _store is not None
+    with _store.database() as db:
+        return of_result(_store, results.get(db, result_id), named, languages()[language])
+
+
 def make_derivative(result_id: int) -> bytes:
     """In the working process: the derivative of a result as a zip."""
     from app.results import derivative_files

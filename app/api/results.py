@@ -9,7 +9,7 @@ from starlette.responses import Response
 
 from app.api.readings import readings
 from app.api.state import Db, LanguageDep, PartsDep
-from app.jobs import make_derivative, make_report
+from app.jobs import make_derivative, make_replay_file, make_report
 from app.kept_curves import APERTURE, beside, curves
 from app.protocols import load_all
 from app.report import Paper
@@ -109,6 +109,20 @@ async def read_derivative(db: Db, parts: PartsDep, result_id: int) -> Response:
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
     data = await parts.jobs.run(make_derivative, result_id)
     return _download(data, "application/zip", f"handscope-session-{result.recording.session_id}-{result.method}.zip")
+
+
+@router.get("/{result_id}/replay.html")
+async def read_replay_file(
+    db: Db,
+    parts: PartsDep,
+    language: LanguageDep,
+    result_id: int,
+    named: Annotated[bool, Query(description="with the patient's code in its title; else nothing tells who moved")] = False,
+) -> Response:
+    """The movement in 3-D as one file that opens in a browser without a network."""
+    result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
+    data = await parts.jobs.run(make_replay_file, result_id, named, language.code)
+    return _download(data, "text/html", f"handscope-replay-{result.id}.html")
 
 
 @router.post("/{result_id}/replay", status_code=201)

@@ -1,26 +1,58 @@
-"""`handscope export`: any recording as Motion-BIDS."""
+"""`handscope export`: any recording as Motion-BIDS, or its movement as a replay in one file."""
 
 import argparse
 from pathlib import Path
 
-from app.commands.words import add_recording, output_folder, say
+from app.commands.words import add_method, add_recording, method_of, output_folder, processed_by, require_file, say
+from app.language import ENGLISH
+from app.protocols import load_all
 from estimators.errors import InputError
+from estimators.hand_anatomy import SEGMENT
 from sessions import formats, motion_bids
+from sessions.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR|FILE.zip")
+    parser.add_argument("--out", type=Path, metavar="DIR|FILE.zip", help="write it as Motion-BIDS")
+    parser.add_argument(
+        "--replay", type=Path, metavar="FILE.html", help="write its movement in 3-D as one file that opens in a browser without a network"
+    )
+    parser.add_argument("--title", default="", metavar="WORDS", help="title of the replay; without it nothing tells who moved")
     parser.add_argument("--subject", default="01", metavar="LABEL", help="BIDS label of the subject")
     parser.add_argument("--task", default="hand", metavar="LABEL", help="BIDS label of the task")
+    add_method(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     for option in ("subject", "task"):
         if not getattr(arguments, option).isalnum():
             raise InputError(f"--{option} {getattr(arguments, option)!r} may have letters and digits only")
-    recording = formats.load(arguments.recording, arguments.hand)
-    target = arguments.out if arguments.out.suffix == ".zip" else output_folder(arguments.out)
-    motion_bids.write(recording, target, arguments.subject, arguments.task)
-    say(f"{len(recording.samples)} streams, {recording.duration:.1f} s: {arguments.out}")
+    if arguments.out is None and arguments.replay is None:
+        raise InputError("say what to write: --out DIR or FILE.zip for Motion-BIDS, --replay FILE.html for the movement in 3-D")
+    if arguments.replay is not None:
+        require_file(arguments.replay)
+    if arguments.out is not None:
+        recording = formats.load(arguments.recording, arguments.hand)
+        target = arguments.out if arguments.out.suffix == ".zip" else output_folder(arguments.out)
+        motion_bids.write(recording, target, arguments.subject, arguments.task)
+        say(f"{len(recording.samples)} streams, {recording.duration:.1f} s: {arguments.out}")
+    if arguments.replay is not None:
+        _write_replay(arguments)
     return 0
+
+
+def _write_replay(arguments: argparse.Namespace) -> None:
+    from app.replay_file import chapters, replay_file  # here: the scene takes a while to import
+
+    method, params = method_of(arguments)
+    recording, processed = processed_by(method, params, arguments)
+    moved = processed.trajectory
+    if not len(moved):
+        raise InputError(f"{arguments.recording} gave no movement by {arguments.method}; there is nothing to replay")
+    movement = {"t": moved.t, "angles": moved.angles, "q_GH": moved.q_GS[:, SEGMENT["hand"]]}
+    told = chapters(recording.events, load_all(), ENGLISH)
+    title = arguments.title or ENGLISH.say("replay.title")
+    data = replay_file(recording.hand, recording.geometry, movement, told, title, ENGLISH)
+    save_file(data, arguments.replay)
+    say(f"{moved.t[-1] - moved.t[0]:.1f} s by {arguments.method}, {len(data) / 1e6:.1f} MB: {arguments.replay}")

@@ -34,39 +34,42 @@ BOUND: Array = np.radians([_BOUND_DEG.get(joint.name, (0.0, 0.0, 0.0)) for joint
 
 
 def chain(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
-    """Orientations (5 fingers, 3 segments, 4) of the finger segments on the hand, and places (5, 3, 3) of their proximal joints, m."""
-    q_joint = joint_angles.compose(angles[CHAIN_JOINTS])
-    offsets, place = geometry.chain_offsets(), geometry.roots()
-    q, orientations, places = np.broadcast_to(quat.IDENTITY, (5, 4)), [], []
+    """Orientations (..., 5 fingers, 3 segments, 4) of the finger segments on the hand, and places (..., 5, 3, 3) of their proximal joints, m."""
+    q_joint = joint_angles.compose(angles[..., CHAIN_JOINTS, :])
+    fingers = q_joint.shape[:-2]
+    offsets, place = geometry.chain_offsets(), np.broadcast_to(geometry.roots(), (*fingers, 3))
+    q, orientations, places = np.broadcast_to(quat.IDENTITY, (*fingers, 4)), [], []
     for k in range(3):
         places.append(place)
-        q = quat.multiply(q, q_joint[:, k])
+        q = quat.multiply(q, q_joint[..., k, :])
         orientations.append(q)
         place = place + quat.rotate(q, offsets[:, k])
-    return np.stack(orientations, axis=1), np.stack(places, axis=1)
+    return np.stack(orientations, axis=-2), np.stack(places, axis=-2)
 
 
 def rest(geometry: HandGeometry) -> Array:
     """Where the bones' joints are while the skin is bound (bones, 3), m."""
     _, places = chain(BOUND, geometry)
-    return _laid_out(np.zeros((3, 3)), places)
+    return _laid_out(places)
 
 
 def pose(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
-    """How far each bone is turned from the bound pose (bones, 4), and where its joint is (bones, 3), m. Angles must be known."""
+    """How far each bone is turned from the bound pose (..., bones, 4), and where its joint is (..., bones, 3), m, from angles (..., joints, 3), all known."""
     q, places = chain(angles, geometry)
-    turned = quat.multiply(q, quat.conjugate(_BOUND_CHAIN))  # (5, 3, 4)
-    parents = np.concatenate([np.broadcast_to(quat.IDENTITY, (5, 1, 4)), turned[:, :2]], axis=1)
-    halves = quat.slerp(parents, turned, np.full((5, 3), 0.5))
-    back = quat.conjugate(joint_angles.compose(angles[JOINT["wrist"]]))
-    arm = np.stack([quat.IDENTITY, back, quat.slerp(quat.IDENTITY, back, np.array(0.5))])
-    rotations = np.concatenate([arm, halves.reshape(-1, 4), turned.reshape(-1, 4)])
-    return rotations, _laid_out(np.zeros((3, 3)), places)
+    turned = quat.multiply(q, quat.conjugate(_BOUND_CHAIN))  # (..., 5, 3, 4)
+    several = turned.shape[:-3]
+    parents = np.concatenate([np.broadcast_to(quat.IDENTITY, (*several, 5, 1, 4)), turned[..., :2, :]], axis=-2)
+    halves = quat.slerp(parents, turned, np.full((*several, 5, 3), 0.5))
+    back = quat.conjugate(joint_angles.compose(angles[..., JOINT["wrist"], :]))
+    still = np.broadcast_to(quat.IDENTITY, back.shape)
+    arm = np.stack([still, back, quat.slerp(still, back, np.full(several, 0.5))], axis=-2)
+    rotations = np.concatenate([arm, halves.reshape(*several, -1, 4), turned.reshape(*several, -1, 4)], axis=-2)
+    return rotations, _laid_out(places)
 
 
-def _laid_out(arm: Array, places: Array) -> Array:
-    flat = places.reshape(-1, 3)
-    return np.concatenate([arm, flat, flat])
+def _laid_out(places: Array) -> Array:
+    flat = places.reshape(*places.shape[:-3], -1, 3)
+    return np.concatenate([np.zeros((*flat.shape[:-2], 3, 3)), flat, flat], axis=-2)
 
 
 def _bound_chain() -> Array:

@@ -41,9 +41,13 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
 @cache
 def client_page() -> bytes:
     """viser's page, one file without any other, its own controls and messages hidden: ours draws them."""
-    page = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
+    return without_controls((Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")).encode()
+
+
+def without_controls(page: str) -> str:
+    """viser's page with its own controls and messages hidden."""
     assert "</head>" in page
-    return re.sub(r"<title>.*?</title>", "", page, count=1).replace("</head>", _HEAD + "</head>", 1).encode()
+    return re.sub(r"<title>.*?</title>", "", page, count=1).replace("</head>", _HEAD + "</head>", 1)
 
 
 @cache

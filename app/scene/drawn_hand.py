@@ -51,6 +51,10 @@ class DrawnHand:
         """Names of all parts, hidden ones too."""
         return tuple(self._handles)
 
+    def bones_by_mesh(self) -> dict[str, list[int]]:
+        """Which bones each mesh follows, in its own order, by the mesh's name in the scene."""
+        return {f"{self._name}/{part}": list(own) for part, own in self._bones.items()}
+
     def show(self, part: str, shown: bool) -> None:
         """Show or hide a part."""
         if shown == (part in self._hidden):

@@ -140,6 +140,15 @@ class HandScene:
             if text and text != self._caption.text:
                 self._caption.text = text
 
+    def as_html(self) -> str:
+        """The scene as it stands, a page of its own that needs no server."""
+        page: str = self._server.get_scene_serializer().as_html()
+        return page
+
+    def bones_by_mesh(self) -> dict[str, list[int]]:
+        """Of every mesh of the patient's hand which bones (of bones.BONES) it follows, by its name in the scene."""
+        return self._own.bones_by_mesh()
+
     def flush(self) -> None:
         """Send what is drawn now rather than with the next picture."""
         self._server.flush()

@@ -39,6 +39,12 @@ export function mount(root, api, { session, result, go }) {
     { class: "large", onclick: () => once(replay, box, async () => go(`/stations/${(await api.post(`${base}/replay`)).station}`)) },
     t("downloads.replay"),
   );
+  const named = h("input", { type: "checkbox", id: "replay-named" });
+  const file = h(
+    "button",
+    { onclick: () => once(file, box, () => save(`${base}/replay.html${named.checked ? "?named=true" : ""}`, name("-replay.html"))) },
+    t("downloads.replay_file"),
+  );
   const tables = [
     opened(t("downloads.html"), `${base}/report.html?language=${language}`),
     opened(t("downloads.letter"), `${base}/report.pdf?language=${language}&paper=us-letter`),
@@ -53,7 +59,15 @@ export function mount(root, api, { session, result, go }) {
       opened(t("downloads.pdf"), `${base}/report.pdf?language=${language}`, "button primary large"),
       replay,
     ),
-    h("details", { class: "more" }, h("summary", {}, t("downloads.more")), h("div", { class: "buttons" }, tables), said),
+    h(
+      "details",
+      { class: "more" },
+      h("summary", {}, t("downloads.more")),
+      h("div", { class: "buttons" }, tables),
+      h("div", { class: "buttons" }, file, h("label", { class: "inline", for: "replay-named" }, named, t("downloads.replay_named"))),
+      h("p", { class: "hint" }, t("downloads.replay_hint")),
+      said,
+    ),
     box.element,
   );
   return () => {};

@@ -67,6 +67,11 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(client: TestClient
     assert b"index_pip_flexion_max" in client.get(f"{base}/report.csv").content
     assert client.get(f"{base}/report.json").json()
     assert client.get(f"{base}/report.docx").status_code == 404
+    pseudonym = client.get(f"/api/patients/{patient}").json()["pseudonym"]
+    nameless, named = (client.get(f"{base}/replay.html", params={"named": asked}) for asked in (False, True))
+    assert nameless.headers["content-disposition"].startswith("attachment")
+    heads = [answer.text.partition("<script")[0] for answer in (nameless, named)]
+    assert [pseudonym in head for head in heads] == [False, True]
     with zipfile.ZipFile(io.BytesIO(client.get(f"{base}/derivative.zip").content)) as derivative:
         assert any(name.endswith("_tracksys-handscope_desc-m2_motion.tsv") for name in derivative.namelist())
 

@@ -206,6 +206,14 @@ def test_the_command_line_starts_as_a_program() -> None:
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
 
 
+def test_export_writes_the_movement_as_one_page(simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(simulated)]) == 2
+    assert "--replay FILE.html" in capsys.readouterr().err
+    assert main(["export", str(simulated), "--replay", str(tmp_path / "r.html"), "--title", "Figure <2>"]) == 0
+    assert "<h1>Figure &lt;2&gt;</h1>" in (tmp_path / "r.html").read_text("utf-8")
+    assert main(["export", str(simulated), "--replay", str(tmp_path)]) == 2
+
+
 def test_info_and_export_open_what_was_exported(simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(simulated), "--out", str(tmp_path / "again.zip"), "--subject", "A1"]) == 0
     assert main(["info", str(tmp_path / "again.zip")]) == 0

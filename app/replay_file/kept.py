@@ -1,0 +1,22 @@
+"""The replay file of a kept result."""
+
+from app.language import Language
+from app.protocols import load_all
+from app.replay_file import chapters, replay_file
+from app.results import load_replay
+from estimators.hand_geometry import measures_from, sized
+from estimators.samples import Event
+from sessions import records
+from sessions.store import Store
+from sessions.tables import Result
+
+
+def of_result(store: Store, result: Result, named: bool, language: Language) -> bytes:
+    """With the patient's code in its title where `named`; no other fact about the patient is in it."""
+    session = result.recording.session
+    hand = records.hand_of(session.hand)
+    measures = session.geometry or result.recording.summary.get("geometry") or {}
+    told = [Event(e["onset"], e["duration"], e["trial_type"], e) for e in result.content["events"]]
+    title = language.say("replay.title.of", pseudonym=session.patient.pseudonym) if named else language.say("replay.title")
+    geometry = sized(hand, measures_from(measures))
+    return replay_file(hand, geometry, load_replay(store, result), chapters(told, load_all(), language), title, language)
