@@ -1,6 +1,7 @@
 """What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from app.protocols import Protocol
 from app.report.change_words import row_words, tapping_words
 from app.report.changes import Changes
 from app.report.content import Task, asked
+from app.report.norms import norm_of
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.tapping_section import DECIMALS as TAPPING_ROWS
 from app.report.units import DEG, reading
@@ -34,7 +36,32 @@ def readings(
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
+        "figures": [_told(f, language) for f in figures],
     }
+
+
+def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
+    """Any figure in the unit a person reads, with what is needed to trust it and the norm that it may be held against."""
+    value, sd = _read(row, row["value"]), _read(row, row.get("sd"))
+    what, part = row.get("what") or row["name"], row.get("part", "")
+    norm = norm_of(what, part, row["task"])
+    return {
+        **{key: row.get(key, "") for key in ("task", "measure", "onset", "name", "grade", "category", "detail", "source")},
+        "part": part,
+        "what": what,
+        "value": value[0],
+        "sd": sd[0],
+        "unit": value[1],
+        "reason": language.heard(row["reason"]),
+        "meaning": language.heard(row.get("meaning", "")),
+        "sd_basis": language.heard(row.get("sd_basis", "")),
+        "norm": asdict(norm) if norm else None,
+    }
+
+
+def _read(row: Mapping[str, Any], value: float | None) -> tuple[float | None, str]:
+    read = reading(Figure(row["name"], np.nan if value is None else value, row["unit"], row["source"]))
+    return (read.value if np.isfinite(read.value) else None), read.unit
 
 
 def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Language) -> dict[str, Any]:

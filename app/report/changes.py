@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal
 
+from app.report.norms import change_of_name
 from app.report.references import smallest_change, smallest_change_of_rate
 from app.report.units import reading
 from estimators.measures.figure import Figure
@@ -83,6 +84,9 @@ def judged_by(key: Key, unit: str, own: Mapping[Key, Repeatability], glove: Mapp
     elif key[2] == "tapping_rate":
         default = smallest_change_of_rate()
         words = f"of the tapping rate: {default.value:g} per s"
+    elif (published := change_of_name(key[2])) is not None:
+        size = f"{published.value:g} {published.unit}"
+        return Judge(published.value, "published", (f"MDC of {size} from trial to trial ({published.source.name}).", NEEDED))
     else:
         return Judge(None, "none", (NOT_KNOWN,))
     return Judge(default.value, "published", (f"MDC {words} ({default.source.name}).", NEEDED))

@@ -57,6 +57,10 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(client: TestClient
     result = finished(client, made.json()["result"])
     assert (result["state"], result["error"]) == ("done", "")
     assert {f["name"] for f in result["figures"]} >= {"index_pip_flexion_max", "thumb_ip_flexion_range"}
+    (largest,) = [f for f in result["readings"]["figures"] if f["name"] == "index_pip_flexion_max"]
+    assert (largest["part"], largest["what"], largest["unit"], largest["norm"]) == ("index_pip", "flexion_max", "deg", None)
+    assert 1 < largest["sd"] < 5
+    assert "docs/reproduction.md" in largest["sd_basis"]
     session = client.get(f"/api/sessions/{made.json()['session']}").json()
     assert (session["state"], session["hand"], session["source"], session["tasks"]) == ("processed", "left", "upload", ["wiggle"])
     file = session["recordings"][0]

@@ -20,7 +20,9 @@ def test_a_reference_value_has_a_source_and_is_plausible(reference: Reference) -
 def test_no_value_stands_twice_and_every_source_is_used() -> None:
     assert len({(r.joint, r.angle, r.end) for r in references()}) == len(references())
     file = json.loads(FILE.read_text("utf-8"))
-    used = {v["source"] for v in file["values"]} | {file[name]["source"] for name in ("smallest_change", "smallest_change_of_rate")}
+    used = {v["source"] for table in ("values", "norms", "smallest_changes") for v in file[table]} | {
+        file[name]["source"] for name in ("smallest_change", "smallest_change_of_rate")
+    }
     assert used == set(file["sources"])
 
 
