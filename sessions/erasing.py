@@ -39,6 +39,11 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> AuditLine:
     return line
 
 
+def audit(db: Session) -> list[AuditLine]:
+    """The lines that were left, the newest first."""
+    return list(db.scalars(select(AuditLine).order_by(AuditLine.id.desc())))
+
+
 def _of(patient: Patient) -> Select[PatientSession]:
     everything = selectinload(PatientSession.recordings).selectinload(RecordingFile.results)
     return select(PatientSession).where(PatientSession.patient_id == patient.id).options(everything)

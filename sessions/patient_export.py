@@ -64,8 +64,9 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
     archive.put("README.txt", [README.encode()])
     notes = [_row(note) for note in patient.notes]
     archive.put("patient.json", _json({**_row(patient), "notes": notes}))
-    for session in patient.sessions:
-        problems += _session(archive, store, session)
+    for session_id in [session.id for session in patient.sessions]:
+        db.expunge_all()  # what was written is let go
+        problems += _session(archive, store, records.get(db, session_id))
     manifest = {
         "exported": now(),
         "software": software,

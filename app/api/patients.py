@@ -132,6 +132,12 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> di
     return line.counts
 
 
+@router.get("/erasures")
+def list_erasures(db: Db) -> list[dict[str, Any]]:
+    """What was erased when, the newest first; never whose it was."""
+    return [{"at": line.at, "what": line.what, "counts": line.counts} for line in erasing.audit(db)]
+
+
 @router.post("/patients/{patient_id}/notes", status_code=201)
 def write_note(db: Db, patient_id: int, new: NewNote) -> dict[str, Any]:
     return note_row(notes.write(db, patients.get(db, patient_id), new.text))

@@ -1,6 +1,7 @@
 /** All patients: search, how many sessions, the last visit; a new one. */
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
+import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
 import { counted, day, t, whole } from "../words/words.js";
@@ -22,6 +23,8 @@ export function mount(root, api, { go, title }) {
   const archived = h("input", { type: "checkbox", onchange: fromTheTop });
   const opener = h("button", { class: "primary large", onclick: open, "aria-expanded": "false" }, t("patients.new"));
   let leaveForm = null;
+  const erased = h("div", {});
+  let leaveErased = () => {};
   let asked = 0;
   let offset = 0;
 
@@ -60,6 +63,9 @@ export function mount(root, api, { go, title }) {
       const found = await api.some(`/api/patients?${query}`);
       if (mine !== asked) return;
       box.clear();
+      leaveErased();
+      erased.replaceChildren();
+      leaveErased = archived.checked ? erasures.mount(erased, api) : () => {};
       list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
     } catch (error) {
       if (mine === asked) box.show(error);
@@ -69,12 +75,13 @@ export function mount(root, api, { go, title }) {
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
     unfinished,
-    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list)),
+    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list), erased),
   );
   draw();
   const leaveUnfinished = notFinished.mount(unfinished, api);
   return () => {
     leaveUnfinished();
+    leaveErased();
     asked += 1;
     leaveForm?.();
   };

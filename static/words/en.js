@@ -91,6 +91,8 @@ export default {
   "erase.copies": "Files that were exported, reports that were printed and backups are not touched. To keep a copy, press “Export everything” first.",
   "erase.type": "To erase, type the patient code: {code}",
   "erase.send": "Erase for good",
+  "erasures.title": "Erased for good",
+  "erasures.row": "{day}: a patient with {sessions}",
   "erased.title": "The patient was erased",
   "erased.what": "Facts, notes, {sessions}, recordings and results are gone from this computer.",
   "confirm.name": "Is this a name, or a date of birth?",

@@ -98,6 +98,10 @@ def test_a_note_is_removed_and_brought_back_and_a_patient_erased_for_good(page: 
     keep_picture(page, "patient-erased")
     page.reload()
     expect(page.locator(".error")).to_contain_text("it may have been erased")
+    page.get_by_role("link", name="Patients").first.click()
+    page.get_by_label("Show the archive instead").check()
+    expect(page.get_by_role("heading", name="Erased for good")).to_be_visible()
+    keep_picture(page, "patients-archive")
 
 
 def test_a_name_is_asked_about_and_kept_when_it_is_a_code(page: Page) -> None:

@@ -21,6 +21,7 @@ def upload(page: Page, name: str, content: bytes) -> None:
 def test_an_uploaded_recording_gives_numbers_and_a_replay(page: Page, patient: int, recording: Path) -> None:
     upload(page, "tapping.zip", recording.read_bytes())
     page.wait_for_url("**/sessions/*")
+    page.reload()  # the computation does not belong to the page
     shown(page.get_by_role("heading", name="Finger tapping"))
     assert int(figure(page, "Taps")) > 20
 

@@ -93,6 +93,8 @@ def test_an_erased_patient_is_gone_with_files_and_replays(client: TestClient, pa
     assert erased.status_code == 200, erased.text
     assert (erased.json()["sessions"], erased.json()["recordings"]) == (1, 1)
     assert files_in(settings) == before
+    line = client.get("/api/erasures").json()[0]
+    assert (line["what"], line["counts"]) == ("patient erased", erased.json())
     addresses = (f"patients/{patient}", f"sessions/{made['session']}", f"results/{made['result']}", f"stations/{station}")
     assert {client.get(f"/api/{a}").status_code for a in addresses} == {404}
     assert client.post("/api/patients", json={"pseudonym": pseudonym}).json()["id"] > patient
