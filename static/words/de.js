@@ -91,6 +91,8 @@ export default {
   "erase.copies": "Exportierte Dateien, gedruckte Befunde und Sicherungen sind davon nicht berührt. Um eine Kopie zu behalten, drücken Sie zuerst „Alles exportieren“.",
   "erase.type": "Zum Löschen geben Sie den Patientencode ein: {code}",
   "erase.send": "Endgültig löschen",
+  "erasures.title": "Endgültig gelöscht",
+  "erasures.row": "{day}: ein Patient mit {sessions}",
   "erased.title": "Der Patient wurde gelöscht",
   "erased.what": "Angaben, Notizen, {sessions}, Aufzeichnungen und Ergebnisse sind von diesem Rechner verschwunden.",
   "confirm.name": "Ist das ein Name oder ein Geburtsdatum?",

@@ -42,7 +42,7 @@ def test_an_uploaded_recording_gives_numbers_and_a_replay(page: Page, patient: i
     page.get_by_role("slider", name="Time in the recording").fill("12")
     page.wait_for_function(f"() => Math.abs({HERE} - 12) < 0.05")
     expect(page.get_by_role("row", name="Index").first).to_contain_text("flexed")
-    page.get_by_role("button", name="Initial pose").click()
+    page.get_by_role("button", name="Initial pose 0:").click()
     page.wait_for_function(f"() => {HERE} < 6")
     page.get_by_role("link", name="Back to the results").click()
     page.wait_for_url("**/sessions/*")

@@ -7,6 +7,8 @@ import pytest
 
 from app.language import ENGLISH, NAME, Language, language, languages, preferred
 from estimators.errors import InputError
+from sessions.conflicts import ConflictError
+from sessions.full_disk import FULL
 
 GERMAN = languages()["de"]
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
@@ -72,3 +74,10 @@ def test_the_browsers_preferred_language_is_taken_where_there_is_one(accepted: s
 def test_a_language_that_there_is_not_is_said() -> None:
     with pytest.raises(InputError, match=re.escape("there is no language 'xx'; languages are en, de")):
         language("xx")
+
+
+def test_what_a_patients_page_refuses_is_said_in_german() -> None:
+    said = [GERMAN.heard(str(ConflictError(what))) for what in ("patient 'H-017'", "the patient", "the note")]
+    assert all(sentence.endswith("wählen Sie") for sentence in said)
+    assert "'H-017'" in said[0]
+    assert GERMAN.heard(FULL).startswith("Der Datenträger ist voll")
