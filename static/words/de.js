@@ -429,7 +429,7 @@ export default {
   "station.line_lost": "Die Verbindung zu Handscope ging verloren und wird neu aufgebaut. Die Aufzeichnung läuft inzwischen weiter.",
   "step.label": "Schritte der Sitzung",
   "step.connect": "Verbinden",
-  "step.pose": "Anfangshaltung",
+  "step.pose": "Haltung",
   "step.tasks": "Aufgaben",
   "step.finish": "Beenden",
   "step.done": "erledigt",
