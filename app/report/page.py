@@ -18,7 +18,7 @@ from app.report.tables import data_checksum
 from app.report.tapping_section import TRIALS, tapping_section
 from app.report.trend_section import trend_section
 from app.report.units import DEG, reading, unit_words
-from app.report.words import figure_words, grade_words, span_words
+from app.report.words import grade_words, named, span_words
 from estimators.calibration import SensorQuality
 from estimators.measures.figure import Figure
 
@@ -128,8 +128,8 @@ def _other_row(figures: Sequence[Figure], language: Language) -> list[Any]:
     worst = max(figures, key=lambda f: GRADES.index(f.grade))
     unit = unit_words(reading(figures[0]).unit, language)
     values = [_value(f, language) for f in figures]
-    reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
-    return [figure_words(figures[0].name, language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
+    reasons = dict.fromkeys(language.heard(words) for f in figures for words in (f.category, f.reason) if words)
+    return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
 
 
 def _value(figure: Figure, language: Language) -> str:

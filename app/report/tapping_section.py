@@ -1,6 +1,7 @@
 """The section on finger tapping: a column of figures a trial, and the curve of one of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,11 @@ DECIMALS = {
     "tapping_closing_speed_mean": 0,
     "tapping_decrement_slope": 2,
     "tapping_decrement_ratio": 1,
+    "tapping_fatigue50": 3,
+    "tapping_angle_amplitude_mean": 1,
+    "tapping_interruptions": 0,
+    "tapping_freezes": 0,
+    "tapping_longest_stop": 2,
 }
 CHANGES = {"tapping_decrement_slope", "tapping_decrement_ratio"}  # read as "smaller" or "larger", not as a sign
 
@@ -81,7 +87,8 @@ def _cell(task: Task, name: str, language: Language) -> str:
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)
     if name not in CHANGES:
-        return language.number(read.value, decimals)
+        sd = "" if not figure.sd else f" ± {language.number(abs(reading(replace(figure, value=figure.sd)).value), decimals)}"
+        return language.number(read.value, decimals) + sd
     if number == language.number(0.0, decimals):
         return language.say("tapping.same")
     return language.say("tapping.smaller" if read.value < 0 else "tapping.larger", size=f"{number} {read.unit}")

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from app.language import Language
 from app.report.content import Task
 from app.report.units import DEG
-from estimators.hand_anatomy import JOINTS
+from estimators.hand_anatomy import JOINT, JOINTS
+from estimators.measures.figure import Figure
 
 SIDES = {  # keys of the words of the negative and the positive deviation
     "wrist": ("radial", "ulnar"),
@@ -20,6 +21,7 @@ SIDES = {  # keys of the words of the negative and the positive deviation
     "little_mcp": ("add", "abd"),
 }
 ROTATION = ("supination", "pronation")
+REPEATED = ("tapping", "open_close", "pronation_supination")  # whose figures share their words
 ENDINGS = {"max": "largest", "min": "smallest", "range": "extent"}  # of the names of ranges
 
 
@@ -90,6 +92,9 @@ def figure_words(name: str, language: Language) -> str:
             angle = name.removeprefix(f"{joint}_").rpartition("_")[0]
             way = _way(joint, angle, end or "largest", language)
             return f"{' '.join(joint_words(joint, language)).strip()}, {way}"
+    for movement in REPEATED:
+        if name.startswith(f"{movement}_") and (words := language.known(f"cycle.{name.removeprefix(f'{movement}_')}", "")):
+            return words
     plain = name.replace("_", " ")
     return plain[:1].upper() + plain[1:]
 
@@ -101,3 +106,13 @@ def _way(joint: str, angle: str, end: str, language: Language) -> str:
         return language.say("cell.flexion" if positive else "cell.extension") if end != "extent" else language.say("angle.extent")
     ways = ROTATION if angle == "pronation" else SIDES.get(joint, ("radial", "ulnar"))
     return side_words(ways[positive], language)
+
+
+def named(figure: Figure, language: Language) -> str:
+    """A figure with the part that it is about: "Ring: independence"."""
+    if not figure.part:
+        words = figure_words(figure.name, language)
+        return words[:1].upper() + words[1:]
+    joint = " ".join(joint_words(figure.part, language)).strip() if figure.part in JOINT else ""
+    part = joint or language.all_of([language.known(f"finger.{p}", p) for p in figure.part.split("_")])
+    return f"{part}: {figure_words(figure.what or figure.name, language)}"
