@@ -23,7 +23,8 @@ export function mount(root, api, { record }) {
   }
 
   function edit() {
-    const fields = factFields(record.now);
+    const seen = record.now;
+    const fields = factFields(seen);
     const close = () => {
       box.clear();
       show();
@@ -34,7 +35,7 @@ export function mount(root, api, { record }) {
       h("button", { type: "button", onclick: close }, t("cancel")),
     ];
     const form = h("form", { novalidate: true }, fields.elements, h("div", { class: "buttons" }, buttons));
-    const send = (more) => sendChange(record, api, { ...fields.values(), ...more }, box, fields.set);
+    const send = (more) => sendChange(record, api, { ...fields.values(), ...more }, box, fields.set, seen);
     onSubmit(form, box, () => confirming(box, send, (done) => done && close()));
     body.replaceChildren(form);
     fields.first.focus();

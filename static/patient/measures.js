@@ -26,19 +26,26 @@ export function mount(root, api, { record }) {
   );
   const rows = whole.map((made, k) => pictured(WHOLE[k], made.element));
   const form = h("form", { novalidate: true }, rows, more, h("button", { type: "submit" }, t("measures.save")), said);
-  const fill = (patient) => inputs.forEach((one) => (one.input.value = millimetres(valueOf(patient.hand_measures, one.path))));
+  let seen = record.now;
+  const shown = ({ path }) => millimetres(valueOf(seen.hand_measures, path));
+  const fill = (patient) => {
+    seen = patient;
+    inputs.forEach((one) => (one.input.value = shown(one)));
+  };
 
   onSubmit(form, box, async () => {
     said.textContent = "";
-    const measures = structuredClone(record.now.hand_measures ?? {});
+    const measures = structuredClone(seen.hand_measures ?? {});
     for (const { input, path, label } of inputs) put(measures, path, metres(input.value, label));
-    if (await sendChange(record, api, { hand_measures: measures }, box, fill)) said.textContent = t("measures.saved");
+    if (!(await sendChange(record, api, { hand_measures: measures }, box, fill, seen))) return;
+    fill(record.now);
+    said.textContent = t("measures.saved");
   });
   fill(record.now);
   root.append(
     h("details", {}, h("summary", {}, h("h2", {}, t("measures.title"))), h("p", { class: "soft" }, t("measures.lead")), form, box.element),
   );
-  return () => {};
+  return record.watch((now) => inputs.some((one) => one.input.value !== shown(one)) || fill(now));
 }
 
 const how = (name) => h("p", { class: "hint" }, t(`measure.${name}.how`));

@@ -1,6 +1,7 @@
 /** A patient as the page holds it; a change names the version that was seen, so that another window's is never overwritten unseen. */
 import { h } from "../dom.js";
 import { factWords } from "./fact_fields.js";
+import { merged, same } from "./merging.js";
 import { known, t } from "../words/words.js";
 
 export function makeRecord(api, patient) {
@@ -19,36 +20,43 @@ export function makeRecord(api, patient) {
       listeners.add(listener);
       return () => listeners.delete(listener);
     },
-    change: async (facts) => take(await api.patch(`/api/patients/${seen.id}`, { version: seen.version, ...facts })),
+    change: async (facts, version) => take(await api.patch(`/api/patients/${seen.id}`, { version, ...facts })),
     reload: async () => take(await api.get(`/api/patients/${seen.id}`)),
   };
 }
 
-/** Send a change; where somebody else was faster, show what is stored now beside what was typed and let the person choose. */
-export async function sendChange(record, api, facts, box, takeStored) {
+/**
+ * Send a change of the patient as it was when the person began, `seen`. Where somebody else was faster, both changes are kept; where both
+ * changed the same fact, what is stored now is shown beside what was typed and the person chooses. True when it is saved.
+ */
+export async function sendChange(record, api, facts, box, takeStored, seen = record.now) {
   try {
-    await record.change(facts);
+    await record.change(facts, seen.version);
     return true;
   } catch (error) {
-    const stored = await api.get(`/api/patients/${record.now.id}`).catch(() => null);
-    if (!stored || stored.version === record.now.version) throw error;
+    const stored = error.status === 409 && (await api.get(`/api/patients/${seen.id}`).catch(() => null));
+    if (!stored) throw error;
+    const clashes = [];
+    const both = merged(pick(seen, facts), pick(stored, facts), facts, (name) => clashes.push(name));
+    await record.reload();
+    if (!clashes.length) return sendChange(record, api, both, box, takeStored);
     const mine = async () => {
       box.clear();
-      await record.reload();
-      await sendChange(record, api, facts, box, takeStored).catch((again) => box.show(again));
+      await sendChange(record, api, both, box, takeStored).catch((again) => box.show(again));
     };
-    const theirs = async () => {
+    const theirs = () => {
       box.clear();
-      await record.reload();
       takeStored(record.now);
     };
-    box.show(error, differences(facts, stored), choice(mine, theirs));
+    box.show(error, differences(both, stored), choice(mine, theirs));
     return false;
   }
 }
 
+const pick = (patient, facts) => Object.fromEntries(Object.keys(facts).map((name) => [name, patient[name]]));
+
 function differences(facts, stored) {
-  const other = Object.keys(facts).filter((name) => name in stored && JSON.stringify(facts[name]) !== JSON.stringify(stored[name]));
+  const other = Object.keys(facts).filter((name) => name in stored && !same(facts[name], stored[name]));
   const rows = other.map((name) => {
     const words = (value) => (typeof value === "object" && value ? t("conflict.other_values") : factWords(name, value));
     return h("li", {}, t("conflict.row", { fact: known(`fact.${name}`, name), stored: words(stored[name]), mine: words(facts[name]) }));

@@ -53,6 +53,25 @@ def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., 
     assert api(page, f"/api/patients/{patient}")["year_of_birth"] == 1962
 
 
+def test_what_two_windows_change_apart_is_kept_of_both(another_page: Callable[..., Page], page: Page, patient: int) -> None:
+    other = another_page()
+    other.goto(page.url)
+    for window, measure in ((page, "Hand length"), (other, "Palm length")):
+        window.get_by_role("button", name="Change").click()
+        window.get_by_text("Hand measures").click()
+        window.get_by_role("group", name=f"{measure} (mm)").get_by_label("Left hand").fill("100" if window is other else "180")
+    page.get_by_label("Dominant hand").select_option("right")
+    other.get_by_label("Year of birth").fill("1961")
+    for window in (page, other):
+        window.get_by_role("button", name="Save", exact=True).click()
+        expect(window.get_by_role("button", name="Change")).to_be_visible()
+        window.get_by_role("button", name="Save measures").click()
+        expect(window.get_by_text("Saved.")).to_be_visible()
+    kept = api(page, f"/api/patients/{patient}")
+    assert (kept["dominant_hand"], kept["year_of_birth"]) == ("right", 1961)
+    assert kept["hand_measures"]["left"] == {"hand_length": 0.18, "palm_length": 0.1}
+
+
 def test_patients_are_found_by_their_code_and_archived(page: Page, patient: int) -> None:
     code = api(page, f"/api/patients/{patient}")["pseudonym"]
     page.get_by_role("button", name="Move to the archive").click()

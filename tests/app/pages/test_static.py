@@ -20,6 +20,7 @@ NOT_MOUNTED = {
     "replay_focus.js",
     "second_look.js",
     "hand_drawing.js",
+    "merging.js",
     "fact_fields.js",
     "record.js",
     "connection.js",
