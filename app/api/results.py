@@ -26,11 +26,17 @@ ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a repo
 
 
 @router.get("/{result_id}")
-def read_result(db: Db, language: LanguageDep, result_id: int) -> dict[str, Any]:
+def read_result(
+    db: Db,
+    language: LanguageDep,
+    result_id: int,
+    lean: Annotated[bool, Query(description="without the SI figures and what each measure drew: megabytes of a long session")] = False,
+) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
+    told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
-        "id": r.id,
+        **told,
         "session": r.recording.session_id,
         "recording": r.recording_id,
         "method": r.method,
@@ -40,8 +46,7 @@ def read_result(db: Db, language: LanguageDep, result_id: int) -> dict[str, Any]
         "progress": r.progress,
         "error": language.heard(r.error),
         "created": r.created,
-        "figures": r.figures,
-        "content": r.content,
+        "content": {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
         "warnings": [language.heard(w) for w in r.warnings],
         "readings": readings(r.content, r.figures, load_all(), language, changes_of(r) if r.state == "done" else None),
         "checksum": r.recording.sha256,

@@ -25,7 +25,7 @@ export function mount(root, api, { id, go, title }) {
     try {
       const session = await api.get(`/api/sessions/${id}`);
       const chosen = pick(session);
-      const result = chosen && (await api.get(`/api/results/${chosen.id}`));
+      const result = chosen && (await api.get(`/api/results/${chosen.id}?lean=true`));
       if (gone) return;
       leave();
       root.replaceChildren(box.element);

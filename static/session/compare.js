@@ -76,7 +76,7 @@ export function mount(root, api, { session, result }) {
     const { result: id } = await api.post(`/api/sessions/${session.id}/results`, { method, options: {} });
     const bar = progressBar(t("progress.working"));
     for (;;) {
-      const now = await api.get(`/api/results/${id}`);
+      const now = await api.get(`/api/results/${id}?lean=true`);
       if (!wanted()) return null;
       if (now.state === "done") return id;
       if (now.state === "failed") throw new Error(now.error);

@@ -36,7 +36,7 @@ export function mount(root, api, { session, result, reload }) {
 
   async function watch(bar) {
     try {
-      const now = result && (await api.get(`/api/results/${result.id}`));
+      const now = result && (await api.get(`/api/results/${result.id}?lean=true`));
       if (timer === null) return;
       box.clear();
       bar.set(now?.progress ?? 0, t(now?.state === "running" ? "progress.running" : "progress.queued"));

@@ -35,7 +35,7 @@ export function mount(root, api, { station, session, strip }) {
     places.chapters,
     places.angles,
   );
-  Promise.all([api.get(`/api/results/${station.latest.result}`), api.titles().catch(() => new Map())]).then(
+  Promise.all([api.get(`/api/results/${station.latest.result}?lean=true`), api.titles().catch(() => new Map())]).then(
     ([result, titles]) => {
       if (gone) return;
       const focus = makeFocus(station);
