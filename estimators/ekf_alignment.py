@@ -11,6 +11,7 @@ Limits  accelerations of a stream with other instants are interpolated over two 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ class Waiting:
 @dataclass(frozen=True)
 class State:
     strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    bias: Array  # (segments, 3) rad/s, as the calibration has it
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
@@ -55,12 +57,13 @@ class State:
 
 
 def start(calibration: Calibration) -> State:
-    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]))
+    bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in SEGMENTS])
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), bias)
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
     """Keep a block's samples until their rows come."""
-    fresh = _in_segments(block, calibration, q_SB)
+    fresh = _in_segments(block, calibration, state.bias, q_SB)
     before = state.waiting.get(block.stream.name)
     if before is not None and before.stream == block.stream:
         t, gyr, acc = (np.concatenate([getattr(before, n), getattr(fresh, n)]) for n in ("t", "gyr", "acc"))
@@ -77,7 +80,7 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     dt = np.diff(rows.t, prepend=state.t if np.isfinite(state.t) else rows.t[0])
     bias_time, acc = np.zeros(turn.shape[:2]), np.full(turn.shape, np.nan)
     for waiting in state.waiting.values():
-        _place(waiting, rows.t, dt, instant, turn, bias_time, acc)
+        _place(waiting, rows.t, dt, instant, turn, bias_time, None if fused else acc)
     grown = np.maximum(np.diff(rows.doubt, axis=0, prepend=(rows.doubt[:1] if state.doubt is None else state.doubt[None])), 0.0)
     present = np.isfinite(q_GB[..., 0])
     # the fusion counts a gap once; what is silent goes on turning
@@ -92,7 +95,15 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     q_first = np.where(known[..., None], quat.relative(q_GB[:, SENSORS[:, :3]], q_GB[:, SENSORS[:, 1:]]), quat.IDENTITY)
     kept = {name: _pruned(w, float(rows.t[-1])) for name, w in state.waiting.items()}
     samples = Samples(rows.t, turn[:, SENSORS], bias_time[:, SENSORS], acc[:, SENSORS], grown[:, SENSORS], known, q_first)
-    return State(state.strange & ~present.any(axis=0), kept, float(rows.t[-1]), q_GB[-1].copy(), rows.doubt[-1].copy()), samples
+    after = replace(
+        state,
+        strange=state.strange & ~present.any(axis=0),
+        waiting=kept,
+        t=float(rows.t[-1]),
+        q_GB=q_GB[-1].copy(),
+        doubt=rows.doubt[-1].copy(),
+    )
+    return after, samples
 
 
 def _upwards(q_GB: Array) -> Array:
@@ -101,26 +112,33 @@ def _upwards(q_GB: Array) -> Array:
     return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1)
 
 
-def _in_segments(block: Block, calibration: Calibration, q_SB: Array) -> Waiting:
+def _in_segments(block: Block, calibration: Calibration, bias: Array, q_SB: Array) -> Waiting:
     """Calibrated samples in segment frames; NaN where missing or at the sensor's limit."""
     gyr, acc, whole = block.of(GYR), block.of(ACC), complete(block)
-    bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in block.stream.sensors])
-    q_BS = np.array([quat.conjugate(q_SB[SEGMENT[s]]) if s in SEGMENTS else quat.IDENTITY for s in block.stream.sensors])
+    columns, segments = worn(block.stream.sensors)
+    known_bias, q_BS = np.zeros((len(whole.T), 3)), np.tile(quat.IDENTITY, (len(whole.T), 1))
+    known_bias[columns], q_BS[columns] = bias[segments], quat.conjugate(q_SB[segments])
     return Waiting(
         block.stream,
         1.0 / calibration.rates.get(block.stream.name, block.stream.rate),
         block.t,
-        np.where((whole & ~block.at_limit(GYR))[..., None], quat.rotate(q_BS, gyr - bias), np.nan),
+        np.where((whole & ~block.at_limit(GYR))[..., None], quat.rotate(q_BS, gyr - known_bias), np.nan),
         np.where((whole & ~block.at_limit(ACC))[..., None], quat.rotate(q_BS, acc), np.nan),
     )
 
 
-def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bias_time: Array, acc: Array) -> None:
-    """Write a stream's own samples over the turns of the fusion, and its specific forces."""
-    columns = [(k, SEGMENT[name]) for k, name in enumerate(waiting.stream.sensors) if name in SEGMENT]
-    if not columns or len(waiting.t) == 0:
+@cache
+def worn(sensors: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Which of a stream's sensors sit on the hand, and on which segments."""
+    columns = [k for k, name in enumerate(sensors) if name in SEGMENT]
+    return np.array(columns, np.intp), np.array([SEGMENT[sensors[k]] for k in columns], np.intp)
+
+
+def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bias_time: Array, acc: Array | None) -> None:
+    """Write a stream's own samples over the turns of the fusion, and its specific forces where they are asked for."""
+    sensors, segments = worn(waiting.stream.sensors)
+    if not len(sensors) or len(waiting.t) == 0:
         return
-    sensors, segments = (np.array(c) for c in zip(*columns))
     after = np.minimum(np.searchsorted(waiting.t, t), len(waiting.t) - 1)
     before = np.maximum(after - 1, 0)
     period = waiting.period
@@ -131,7 +149,8 @@ def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bi
     own = regular[:, None] & np.isfinite(rates).all(axis=-1)
     turn[:, segments] = np.where(own[..., None], rates * dt[:, None, None], turn[:, segments])
     bias_time[:, segments] = np.where(own, dt[:, None], bias_time[:, segments])
-    acc[:, segments] = _between(waiting.t, waiting.acc[:, sensors], t, before, after, 1.5 * period, acc[:, segments])
+    if acc is not None:
+        acc[:, segments] = _between(waiting.t, waiting.acc[:, sensors], t, before, after, 1.5 * period, acc[:, segments])
 
 
 def _between(

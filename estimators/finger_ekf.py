@@ -26,6 +26,7 @@ from estimators.quaternions import Array
 from estimators.small_matrices import put, spread
 
 Bools = NDArray[np.bool_]
+MUCH = math.radians(0.5) ** 2  # rad^2 that a sensor may have missed since the update
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,9 +142,16 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
 
 
 def _window(params: FilterParams, state: State, samples: Samples, first: int) -> tuple[int, bool]:
-    """Up to which row the window goes on before it closes or a joint appears or goes, and whether it closes with the last of them."""
+    """Up to which row the window goes on before it closes or a joint appears or goes, and whether it closes with the last of them.
+
+    It closes at once where much may have been missed: the covariance must not tell for the rest of the window what was known before.
+    """
     due = int(np.searchsorted(samples.t, state.t + params.update - 1e-9))
     last = max(min(due, len(samples) - 1), first) + 1
+    doubt = np.cumsum(np.concatenate([state.doubt[None], samples.doubt[first:last]]), axis=0)[1:]
+    if (unsure := doubt.max(axis=(1, 2)) > MUCH).any():
+        due = first + int(np.argmax(unsure))
+        last = due + 1
     changes = np.flatnonzero((samples.known[first:last] != state.known).any(axis=(1, 2)))
     if len(changes):
         return first + int(changes[0]), False

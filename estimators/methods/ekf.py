@@ -232,9 +232,7 @@ def _tips_sd(params: Params, q_pc: Array, geometry: HandGeometry, P: Array) -> A
 
 def wrist_jacobian(q_pc: Array, at: Array) -> Array:
     """How the tips in WCS, the last of `places` (n, 5, 4, 3), change with the error of the wrist's rotation: (n, 5, 3, 3)."""
-    q = _wrist(q_pc)[:, None]
-    arm = quat.rotate(quat.conjugate(q), at[:, :, 3])  # from the wrist's centre, in the hand's frame
-    return np.asarray(quat.matrix(q) @ -quat.skew(arm))
+    return np.asarray(-quat.skew(at[:, :, 3]) @ quat.matrix(_wrist(q_pc))[:, None])  # R [R'a]x = [a]x R
 
 
 def tip_jacobian(q_pc: Array, at: Array) -> Array:
@@ -243,11 +241,9 @@ def tip_jacobian(q_pc: Array, at: Array) -> Array:
     Source: Salchow-Hoemmen 2019, (23)-(27), differentiated.
     """
     q_WB = forward_kinematics.segments_on(_wrist(q_pc), q_pc)[:, forward_kinematics.CHAIN_SEGMENTS]
-    J = np.empty((*at.shape[:2], 3, 9))
-    for j in range(3):
-        arm = quat.rotate(quat.conjugate(q_WB[:, :, j]), at[:, :, 3] - at[:, :, j])  # from the joint's centre to the tip
-        J[..., 3 * j : 3 * j + 3] = quat.matrix(q_WB[:, :, j]) @ -quat.skew(arm)
-    return J
+    arms = at[:, :, 3:] - at[:, :, :3]  # from the joints' centres to the tip
+    by_joint = -quat.skew(arms) @ quat.matrix(q_WB)  # R [R'a]x = [a]x R
+    return np.moveaxis(by_joint, 2, 3).reshape(*at.shape[:2], 3, 9)
 
 
 def places(q_pc: Array, geometry: HandGeometry) -> Array:

@@ -391,12 +391,25 @@ def test_missing_samples_cost_certainty_and_leave_no_nan() -> None:
     assert np.isfinite(found.q_joint).all()
     assert np.isfinite(state.P).all()
     k = int(np.flatnonzero(gap)[-1])
-    at = int(np.searchsorted(found.told, k, side="right")) - 1
+    at, at_whole = (int(np.searchsorted(f.told, k, side="right")) - 1 for f in (found, whole))
     sd = np.sqrt(np.trace(found.P[at, :, 3:6, 3:6], axis1=1, axis2=2))
     assert (sd > 20 * DEG).all()
     assert (quat.angle(quat.relative(found.q_joint[k, :, 1], q_true[k, :, 1])) < 3 * sd).all()
     assert (np.linalg.eigvalsh(state.P) > 0).all()
-    assert (np.trace(found.P[at], axis1=1, axis2=2) > 10 * np.trace(whole.P[at], axis1=1, axis2=2)).all()
+    assert (np.trace(found.P[at], axis1=1, axis2=2) > 10 * np.trace(whole.P[at_whole], axis1=1, axis2=2)).all()
+
+
+def test_what_may_have_been_missed_is_told_at_once() -> None:
+    """Between two updates a sensor is bridged: from that sample on the joint is less sure, not from the next update."""
+    samples, _, _, _ = _finger_trials(np.random.default_rng(5), WHITE, 2, 2.0)
+    row, doubt = 215, samples.doubt.copy()
+    doubt[row, 0, 2] = (5 * DEG) ** 2
+    params = replace(WHITE, dimensions=False)  # turns about the vertical are then told by nothing else
+    _, found = finger_ekf.step(params, _index(params, 2), replace(samples, doubt=doubt))
+    assert row in found.told
+    at = int(np.searchsorted(found.told, row))
+    sd = np.sqrt(np.trace(found.P[at - 1 : at + 1, 0, 3:6, 3:6], axis1=1, axis2=2))
+    assert sd[1] > sd[0] + 2 * DEG
 
 
 @pytest.mark.parametrize("where", [[1], [7, 8, 9], [100, 101, 350, 351, 352, 500]])
