@@ -28,6 +28,7 @@ BENCHES = {
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
+    "report": "the report of a whole assessment with the course of 20 sessions, in every language: time to write it",
     "steps": "m2 and ekf, one step of one sample of 16 sensors: median and 99th percentile",
     "start": "start of the server to its first page",
 }

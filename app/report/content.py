@@ -25,7 +25,7 @@ from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
 from sessions.course import Course
 from sessions.recording import LoadedRecording
 
-ATTEMPTED = ("accepted", "redone", "not used")  # outcomes of an attempt that say nothing about the patient
+ATTEMPTED = ("accepted", "redone", "paused", "not used")  # outcomes of an attempt that say nothing about the patient
 CURVE_POINTS = 500  # of a curve on the page: finer than the print
 
 
@@ -134,6 +134,15 @@ class NotDone:
 
 
 @dataclass(frozen=True)
+class Scored:
+    """The clinician's own score of a trial; never computed."""
+
+    title: str  # of the task
+    scale: str
+    score: float
+
+
+@dataclass(frozen=True)
 class LeftOut:
     """What a person took out of the figures or moved, with the reason (sessions/corrections.py)."""
 
@@ -163,6 +172,7 @@ class Content:
     course: Course | None = None  # the patient's sessions until now, and the other hand
     not_done: tuple[NotDone, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    scores: tuple[Scored, ...] = ()
 
 
 def content(
@@ -199,6 +209,7 @@ def content(
         course,
         tuple(_not_done(recording, protocols)),
         tuple(_left_out(recording, protocols, corrections)),
+        tuple(_scores(recording, protocols)),
     )
 
 
@@ -231,6 +242,11 @@ def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> 
             word, _, reason = outcome.partition(":")
             told[name] = NotDone(_title(name, protocols), word.strip(), reason.strip())
     return list(told.values())
+
+
+def _scores(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[Scored]:
+    told = [e.details for e in recording.events if e.trial_type == "task" and e.details.get("score") not in (None, "")]
+    return [Scored(_title(str(d.get("task_name")), protocols), str(d.get("score_title", "")), float(d["score"])) for d in told]
 
 
 def _left_out(recording: LoadedRecording, protocols: Mapping[str, Protocol], corrections: Sequence[Mapping[str, Any]]) -> list[LeftOut]:

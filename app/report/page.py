@@ -28,7 +28,7 @@ WARNINGS = 8  # of them on the page
 HEADINGS = (  # words that the layout places
     "report.title", "summary", "further", "quality", "provenance", "warnings",
     "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "reason", "quality.over_all",
-    "quality.median", "quality.largest", "quality.worst", "not_done", "left_out", "technical", "notes.none", "checksums",
+    "quality.median", "quality.largest", "quality.worst", "not_done", "scores", "left_out", "technical", "notes.none", "checksums",
 )  # fmt: skip
 
 
@@ -51,6 +51,7 @@ def words_of(content: Content, language: Language) -> Page:
         "further": [range_section(content, trials, language) for trials in further],
         "trends": [section for section in [trend_section(content, language)] if section],
         "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
+        "scores": [[language.heard(s.title), language.heard(s.scale), f"{s.score:g}"] for s in content.scores],
         "left_out": [_left_out(part, language) for part in content.left_out],
         "calibration": _calibration(content.calibrations, language),
         "signal": _signal(content, language),

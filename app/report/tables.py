@@ -54,6 +54,7 @@ def json(content: Content) -> bytes:
             "flagged": content.flagged,
             "warnings": content.warnings,
             "changes": content.changes,
+            "scores": content.scores,
             "not_done": content.not_done,
             "left_out": content.left_out,
             "figures": rows(content),

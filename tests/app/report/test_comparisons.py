@@ -88,6 +88,17 @@ def test_what_was_taken_out_by_hand_is_told_with_its_reason() -> None:
     assert "Finger tapping trial left out 12.0 to 27.5 s talked meanwhile" in text
 
 
+def test_the_examiners_own_score_stands_in_the_report_and_in_its_json() -> None:
+    recording, processed, results = session()
+    scored = tuple(
+        replace(e, details={**e.details, "score": 2, "score_title": "MDS-UPDRS 3.4"}) if e.details.get("task_name") == "tapping" else e
+        for e in recording.events
+    )
+    made = report((replace(recording, events=scored), processed, results))
+    assert "The examiner’s own scores Finger tapping MDS-UPDRS 3.4 2" in printed(pdf(made, ENGLISH)).replace("'", "’")
+    assert b'"score": 2' in FORMS["json"](made, Style())
+
+
 def test_the_report_names_the_checksum_of_its_json() -> None:
     sums = dict(words_of(report(), GERMAN)["checksums"])
     assert sums["Größen (JSON)"] == hashlib.sha256(FORMS["json"](report(), Style())).hexdigest()
