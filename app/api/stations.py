@@ -29,6 +29,7 @@ SPOKEN = (
     "words",
     "next",
     "reason",
+    "hint",
 )  # keys of texts that stations tell in English
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 

@@ -8,6 +8,7 @@ import pytest
 
 import app.protocols
 from app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
+from app.language import Language, languages
 from app.live.curve import palm_turn
 from app.live.ghost import angles_of
 from app.live.telling import LEAST
@@ -212,6 +213,14 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
             (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
             apart = np.linalg.norm(between(x, Hold(a, b, 0.0), geometry), axis=1)
             np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
+
+
+@pytest.mark.parametrize("one", [one for one in languages().values() if one.code != "en"], ids=lambda one: one.code)
+def test_every_language_says_every_task(one: Language) -> None:
+    texts = {t for p in ALL.values() for t in (p.title, p.instruction, *(c.say for c in p.cycle))}
+    texts |= {t for p in ALL.values() if p.score for t in (p.score.title, p.score.hint)}
+    assert sorted(t for t in texts if one.heard(t) == t and t not in one.sentences) == []
+    assert one.heard("MDS-UPDRS 3.4") == "MDS-UPDRS 3.4"  # a name, no number
 
 
 def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:
