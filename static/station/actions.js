@@ -115,6 +115,7 @@ const spoilt = ({ task, calibration_steps }) => calibration_steps.find((step) =>
 
 function label(wizard, act) {
   const { state, remaining, actions } = wizard;
+  if (state === "check") return t(`act.check.${act}`);
   if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
   if (act === "next") return t("act.next_step");
   if (act === "exchange") return exchangeWords(wizard.check.exchange);

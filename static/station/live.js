@@ -33,7 +33,7 @@ export function mount(root, api, about) {
   const side = {
     steps: place("steps"),
     guidance: place("guidance"),
-    check: place("check"),
+    check: place("sensors"),
     stillness: place("stillness"),
     score: place("score"),
     actions: place("actions"),

@@ -35,7 +35,7 @@ export function mount(root, api, { station }) {
       wizard.actions.includes("choose"),
     ],
     ([tasks, current, state, choosing]) => {
-      root.hidden = /^(connect|finished|pose_)/.test(state);
+      root.hidden = /^(connect|check|finished|pose_)/.test(state);
       heading.textContent = t(state.startsWith("step_") ? "tasks.steps" : "tasks.title");
       list.replaceChildren(...tasks.map((task) => line(task, choosing, /^(task|step)_/.test(state) && task.name === current)));
     },
