@@ -10,6 +10,7 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
  * wanted.window   (newest x) => [from, to]; else all data
  * wanted.under    (plot) => anything drawn below the lines
  * wanted.drawn    (plot) => anything drawn on top
+ * wanted.right    px beside the plot, where labels are long
  * wanted.low, high  values that stay in sight; then zero need not be
  * wanted.pressed  (x) => a press at x
  */
@@ -61,7 +62,7 @@ function optionsOf(wanted, root) {
   };
   return {
     ...sizeOf(root),
-    padding: [10, 14, 0, 0],
+    padding: [10, wanted.right ?? 14, 0, 0],
     legend: { show: false },
     cursor: { show: false },
     scales: {

@@ -41,6 +41,7 @@ export function drawSmall(root, told, series, chosen) {
     xWords: (tick) => shortDay(tick * DAY),
     axis: series.joint && (series.end === "smallest" || series.angle !== "flexion") ? 108 : 52,
     around: 1,
+    right: 24,
     low: Math.min(...seen),
     high: Math.max(...seen),
     under: (drawn) => under(drawn, band, reference),
