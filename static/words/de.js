@@ -260,9 +260,6 @@ export default {
   "downloads.csv": "Größen (CSV)",
   "downloads.json": "Größen (JSON)",
   "downloads.derivative": "Bewegung (Motion-BIDS zip)",
-  "downloads.replay_file": "3-D-Wiedergabe als eine Datei (HTML)",
-  "downloads.replay_named": "mit Patientencode",
-  "downloads.replay_hint":
     "Die Datei öffnet sich in jedem Browser ohne Netz, zum Beispiel bei der Patientin zu Hause. Ohne den Code sagt nichts darin, wessen Hand es ist.",
   "downloads.preparing": "{file} wird vorbereitet …",
   "downloads.saved": "{file} liegt in Ihren Downloads.",

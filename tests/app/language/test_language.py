@@ -6,7 +6,12 @@ from datetime import UTC, datetime
 import pytest
 
 from app.language import ENGLISH, NAME, Language, language, languages, preferred
+from app.protocols import load_all, load_steps
+from app.report.words import figure_words
 from estimators.errors import InputError
+from estimators.measures import MEASURES
+from estimators.methods import METHODS
+from estimators.trajectory import FLAG_WORDS
 from sessions.conflicts import ConflictError
 from sessions.full_disk import FULL
 
@@ -81,3 +86,18 @@ def test_what_a_patients_page_refuses_is_said_in_german() -> None:
     assert all(sentence.endswith("wählen Sie") for sentence in said)
     assert "'H-017'" in said[0]
     assert GERMAN.heard(FULL).startswith("Der Datenträger ist voll")
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=code)
+def test_tasks_methods_and_measures_are_told_in_every_language(other: Language) -> None:
+    protocols = [*load_all().values(), *load_steps().values()]
+    said = [words for p in protocols for words in (p.title, p.instruction, *(phase.say for phase in p.cycle))]
+    said += [m.TITLE for m in (*METHODS.values(), *MEASURES.values())] + [*FLAG_WORDS.values()]
+    assert [words for words in said if words not in other.sentences] == []
+
+
+def test_every_figure_of_every_measure_has_a_name_in_words() -> None:
+    plain = [k.what.replace("_", " ").capitalize() for m in MEASURES.values() for k in m.KINDS.values()]
+    named = [figure_words(k.what, ENGLISH) for m in MEASURES.values() for k in m.KINDS.values()]
+    ends = ("max", "min", "range")  # of joints' angles, which are named by their joint
+    assert [words for words, raw in zip(named, plain) if words == raw and not raw.endswith(ends) and " " in raw] == []

@@ -145,6 +145,7 @@ def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() ->
 def test_every_language_has_every_text_with_the_same_gaps(path: Path) -> None:
     words, english = _dictionary(path), _dictionary()
     assert [key for key in words if key not in english] == []
+    assert [key for key in english if key not in words] == []
     assert [key for key in words if sorted(GAP.findall(words[key])) != sorted(GAP.findall(english[key]))] == []
 
 
