@@ -260,7 +260,6 @@ export default {
   "downloads.csv": "Größen (CSV)",
   "downloads.json": "Größen (JSON)",
   "downloads.derivative": "Bewegung (Motion-BIDS zip)",
-    "Die Datei öffnet sich in jedem Browser ohne Netz, zum Beispiel bei der Patientin zu Hause. Ohne den Code sagt nichts darin, wessen Hand es ist.",
   "downloads.preparing": "{file} wird vorbereitet …",
   "downloads.saved": "{file} liegt in Ihren Downloads.",
   "results.choose": "Gezeigtes Ergebnis",
