@@ -12,12 +12,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import find_peaks
 
-from estimators.measures.signals import Even, even, stretches
+from estimators.errors import InputError
+from estimators.measures.figure import Grade, worse
+from estimators.measures.signals import Even, checked, even, stretches
 from estimators.options import option
 from estimators.quaternions import Array
 
 DEG = np.pi / 180
 ISLAM = "Islam 2023 (npj Digit Med 6:156), constants of its code"
+SMALL = 0.4  # of the least prominence: a tenth of the range, movement that is seen but no cycle
+OVERLOOKED = 0.1  # share of such movements from which on it is said
 RETAP = "ReTap (Habets 2023, doi 10.3390/s23115238)"
 
 
@@ -58,6 +62,7 @@ class Cycles:
     closing_speeds: Array  # (k,)
     lost: float = 0.0  # s in holes
     count_sd: float = 0.0  # how far the count hangs on the threshold
+    smaller: int = 0  # movements that are too small to be cycles
 
     @property
     def count(self) -> int:
@@ -102,7 +107,24 @@ def found(params: Params, t: Array, opening: Array, smallest: float, within: tup
     for share in (0.8, 1.2):
         looser = _closed(replace(params, prominence=min(1.0, share * params.prominence)), signal, smallest, within)
         counts.append(len(_complete(signal, looser)))
-    return replace(at(params, signal, closed), count_sd=0.5 * abs(counts[0] - counts[1]))
+    small = len(_complete(signal, _closed(replace(params, prominence=SMALL * params.prominence), signal, smallest, within)))
+    made = at(params, signal, closed)
+    return replace(made, count_sd=0.5 * abs(counts[0] - counts[1]), smaller=max(0, small - made.count))
+
+
+def said_of(c: Cycles, told: tuple[Grade, str]) -> tuple[Grade, str]:
+    """Grade and reason of a trial, with what its cycles leave out."""
+    if c.count and c.smaller > OVERLOOKED * c.count:
+        return worse(told, ("fair", f"{c.smaller} movements of less than a quarter of the range are not counted"))
+    return told
+
+
+def require_fast(params: Params, t: Array, values: Array) -> None:
+    """InputError where an array is sampled too slowly for the shortest cycle: most often milliseconds, or the numbers of samples, given for seconds."""
+    t, values = checked(t, values)
+    period = float(np.median(np.diff(t)))
+    if period > params.cycle_min:
+        raise InputError(f"samples come every {period:g} s, too slowly for movements of {params.cycle_min:g} s; are the times in seconds?")
 
 
 def at(params: Params, signal: Even, closed: np.ndarray) -> Cycles:

@@ -58,8 +58,7 @@ def measure(
 
 def of_flexion(t: Array, flexion: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
     """Fists in a flexion (n,) in rad at times t (n,) s."""
-    values = -np.asarray(flexion, float)
-    return repeated.measured(params or Params(), t, values, (-np.inf, np.inf), ("good", ""), sd)
+    return repeated.of_array(params or Params(), t, -np.asarray(flexion, float), sd)
 
 
 def figures(trial: Repeated) -> list[Figure]:

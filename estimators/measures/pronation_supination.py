@@ -5,8 +5,6 @@ Out     cycles from palm down to palm down: count, rate, intervals, amplitude, s
 Source  movement: MDS-UPDRS item 3.6 (never its score); the angle is which way the palm faces against gravity (forearm_rotation.py): ours; the rest cycles.py
 """
 
-import numpy as np
-
 from estimators.hand_anatomy import SEGMENT
 from estimators.hand_geometry import HandGeometry
 from estimators.measures import repeated
@@ -51,7 +49,7 @@ def measure(
 
 def of_turn(t: Array, turn: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
     """Turns in an angle (n,) in rad at times t (n,) s, smallest with the palm down."""
-    return repeated.measured(params or Params(), t, turn, (-np.inf, np.inf), ("good", ""), sd)
+    return repeated.of_array(params or Params(), t, turn, sd)
 
 
 def figures(trial: Repeated) -> list[Figure]:

@@ -64,7 +64,13 @@ def measured(
         return Repeated(params, c, (), sd, "poor", "no complete movement found")
     moving = (float(c.closings[0]), min(within[1], float(c.t[-1])))
     stops = tuple(cycles.stops(params, t, angle, moving, share) for share in STILL)
-    return Repeated(params, c, stops, sd, *graded)
+    return Repeated(params, c, stops, sd, *cycles.said_of(c, graded))
+
+
+def of_array(params: Params, t: Array, angle: Array, sd: float | None) -> Repeated:
+    """The same of plain arrays, the whole of them; InputError where they are no signal."""
+    cycles.require_fast(params, t, angle)
+    return measured(params, t, angle, (-np.inf, np.inf), ("good", ""), sd)
 
 
 def figures_of(words: Words, r: Repeated) -> list[Figure]:

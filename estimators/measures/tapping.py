@@ -36,6 +36,7 @@ ANGLES = size_kinds(ANGLE, "tap", "rad", "angle by which thumb and index finger 
 STOPS = stop_kinds(PREFIX, "the angle between thumb and index finger, seen from the wrist,")
 KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
 STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+LONGEST, WIDEST = 0.4, 2 * np.pi  # m and rad that no hand opens by
 NOT_MEASURED, NO_TAP = "thumb or index finger not measured", "no complete tap found"
 
 __all__ = ["Params", "Tapping", "applies", "closings", "figures", "measure", "of_angle", "of_distance", "of_rates", "shown"]
@@ -119,11 +120,15 @@ def measure(
 
 def of_distance(t: Array, distance: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
     """Taps in a distance (n,) in m between thumb and index finger at times t (n,) s; `sd` is that of its error."""
+    cycles.require_fast(params or Params(), t, distance)
+    _require_unit(distance, LONGEST, "distance", "metres")
     return _of_signal(params or Params(), t, distance, "m", sd)
 
 
 def of_angle(t: Array, angle: Array, params: Params | None = None, sd: float | None = None) -> Tapping:
     """Taps in an opening angle (n,) in rad: of a camera, the angle thumb tip - wrist - index tip."""
+    cycles.require_fast(params or Params(), t, angle)
+    _require_unit(angle, WIDEST, "angle", "radians")
     return _of_signal(params or Params(), t, angle, "rad", sd)
 
 
@@ -131,17 +136,25 @@ def of_rates(t: Array, thumb: Array, index: Array, params: Params | None = None,
     """Taps in the angular rates of thumb and index finger, rad/s: (n, 3) as the gyroscopes read, or (n,) about the joints' axis, opening positive."""
     params = params or Params()
     opening = opening_of_rates(params, t, thumb, index)
+    cycles.require_fast(params, opening.t, opening.values)
     return _of_signal(replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd)  # the rates were filtered
 
 
 def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Even:
     """How far thumb and index finger have turned apart, rad: the integral of both rates about their principal axes; smallest where they close."""
     thumb, index = (np.asarray(w, float) for w in (thumb, index))
-    if thumb.shape != index.shape or thumb.ndim not in (1, 2) or (thumb.ndim == 2 and thumb.shape[1] != 3):
+    if (
+        len(np.atleast_1d(t)) != len(np.atleast_1d(thumb))
+        or thumb.shape != index.shape
+        or thumb.ndim not in (1, 2)
+        or (thumb.ndim == 2 and thumb.shape[1] != 3)
+    ):
         raise InputError(
-            f"the rates of thumb and index finger have the shapes {thumb.shape} and {index.shape}; give (n, 3) or (n,) of both, in rad/s"
+            f"{np.size(t)} times and rates of thumb and index finger have the shapes {thumb.shape} and {index.shape}; give (n, 3) or (n,) of both, in rad/s"
         )
     known = np.asarray(np.isfinite(np.column_stack([thumb, index])).all(axis=1))
+    if known.sum() < 3:
+        raise InputError(f"both fingers' rates are known at {int(known.sum())} samples; at least 3 are needed")
     rates = [_about_principal(params, t, w, known) for w in (thumb, index)]
     both = rates[0].values - rates[0].values.mean(), rates[1].values - rates[1].values.mean()
     aligned = thumb.ndim == 1
@@ -200,8 +213,7 @@ def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | N
     )
     tapped = (float(c.closings[0]), float(c.closings[-1])) if c.count else (0.0, 0.0)
     stops = () if distance else tuple(cycles.stops(params, t, values, tapped, share) for share in STILL)
-    if not c.count:
-        grade = ("poor", NO_TAP)
+    grade = ("poor", "; ".join(filter(None, [NO_TAP, grade[1]]))) if not c.count else grade
     samples = np.asarray(t, float)
     drawn = np.asarray(values, float) if distance else np.full(len(samples), np.nan)
     return _trial(
@@ -217,6 +229,13 @@ def _of_signal(params: Params, t: Array, values: Array, unit: str, sd: float | N
     )
 
 
+def _require_unit(values: Array, most: float, what: str, unit: str) -> None:
+    """InputError where an opening is wider than any hand's: millimetres or degrees given for metres or radians."""
+    low, high = np.nanpercentile(np.asarray(values, float), [5, 95])
+    if high - low > most:
+        raise InputError(f"the {what} between thumb and index finger changes by {high - low:.3g}, more than a hand opens; give {unit}")
+
+
 def _trial(
     params: Params,
     t: Array,
@@ -230,6 +249,7 @@ def _trial(
 ) -> Tapping:
     c = taps or turns
     assert c is not None
+    graded = cycles.said_of(c, graded)
     slope, ratio = cycle_figures.decrement(params, c.amplitudes)
     each = (c.closings, c.amplitudes, c.opening_speeds, c.closing_speeds, slope, ratio)
     return Tapping(t, distance, *each, *graded, params, taps, turns, stops, distance_sd, angle_sd)

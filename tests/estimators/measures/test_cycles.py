@@ -163,6 +163,37 @@ def test_a_slow_or_short_recording_gives_few_taps_or_none_with_a_reason(seconds:
         assert f["tapping_rate"].value == pytest.approx(0.4, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("measure", "t", "size", "words"),
+    [
+        (tapping.of_angle, 1000.0, 1.0, "are the times in seconds"),  # milliseconds
+        (tapping.of_angle, 1.0, 60.0, "give radians"),
+        (tapping.of_distance, 1.0, 60.0, "give metres"),
+        (pronation_supination.of_turn, 1000.0, 1.0, "are the times in seconds"),
+    ],
+)
+def test_other_units_than_asked_for_are_refused_in_words(measure: object, t: float, size: float, words: str) -> None:
+    seconds = np.arange(0, 10, 0.02)
+    with pytest.raises(InputError, match=words):
+        measure(seconds * t, _opening(seconds, 2.0, size))  # type: ignore[operator]
+
+
+def test_taps_that_become_too_small_to_count_are_told() -> None:
+    """60 deg falling to 3: the last fall below a quarter of the range, some of them still are above a tenth."""
+    t = np.arange(0, 15, 0.01)
+    found = tapping.of_angle(t, _opening(t, 3.0, 60 * DEG) * np.exp(-t / 5))
+    assert found.count < 35
+    assert found.grade == "fair"
+    assert found.reason.endswith("movements of less than a quarter of the range are not counted")
+    assert tapping.of_angle(t, _opening(t, 3.0, 60 * DEG)).reason == ""
+
+
+def test_rates_that_are_not_known_are_refused() -> None:
+    t = np.arange(0, 10, 0.01)
+    with pytest.raises(InputError, match="known at 0 samples"):
+        tapping.of_rates(t, np.full((len(t), 3), np.nan), np.zeros((len(t), 3)))
+
+
 def test_noise_alone_is_no_tapping() -> None:
     t = np.arange(0, 15, 0.01)
     noise = np.random.default_rng(0).normal(0, 1 * DEG, len(t))
