@@ -41,6 +41,8 @@ $(VENV)/runs: requirements.lock requirements-uv.lock pyproject.toml
 	-$(BIN)/python -m pip install --quiet --require-hashes -r requirements-uv.lock
 	$(call INSTALL,requirements.lock)
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@echo "translating the estimators to machine code, once ..."
+	$(BIN)/python -c "import estimators.methods"
 	@touch $@
 
 $(VENV)/develops: $(VENV)/runs requirements-dev.lock
