@@ -46,16 +46,21 @@ def make(store: Store, result_id: int) -> None:
         if (result := db.get(Result, result_id)) is None:
             return
         try:
-            _make(db, store, result)
+            _settle(db, store, result)
         except StaleDataError:
             db.rollback()
             store.path_of(replay_file(result_id)).unlink(missing_ok=True)
-        except (InputError, OSError, DBAPIError) as problem:
-            db.rollback()
-            full = is_full(problem) or is_full(problem.__context__)
-            if not full and not isinstance(problem, InputError):
-                raise
-            fail(db, result_id, FULL if full else str(problem))
+
+
+def _settle(db: Session, store: Store, result: Result) -> None:
+    try:
+        _make(db, store, result)
+    except (InputError, OSError, DBAPIError) as problem:
+        db.rollback()
+        full = is_full(problem) or is_full(problem.__context__)
+        if not full and not isinstance(problem, InputError):
+            raise
+        fail(db, result.id, FULL if full else str(problem))
 
 
 def _make(db: Session, store: Store, result: Result) -> None:

@@ -61,7 +61,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
 def queued(store: Store, *methods: str, **state: Any) -> list[int]:
     """Results of these methods in the database."""
     with store.database() as db:
-        patient = patients.create(db, f"P-{methods[0]}")
+        patient = patients.create(db, "P-1")
         file = RecordingFile(session=PatientSession(patient=patient, hand="left"), format="native", file="recordings/none.mcap")
         made = [Result(recording=file, key=str(k), method=m, version="1", **state) for k, m in enumerate(methods)]
         db.add_all(made)
