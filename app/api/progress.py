@@ -35,7 +35,7 @@ def _told(found: Progress, language: Language) -> dict[str, Any]:
             hand: [{"session": o.session, "result": o.result, "started": o.started} for o in occasions]
             for hand, occasions in found.sessions.items()
         },
-        "series": [_series(s, judges) for s in found.series],
+        "series": [{**_series(s, judges), "label": language.known(f"figure.{s.name}", "")} for s in found.series],
     }
 
 

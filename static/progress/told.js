@@ -9,14 +9,16 @@ export const partOf = (series) => series.joint.split("_")[0] || "all";
 /** "Index PIP flexion", "Rate". */
 export function labelWords(series) {
   const short = series.name.replace("tapping_", "");
-  if (!series.joint) return known(`tapping.${short}`, short.replaceAll("_", " "));
+  if (!series.joint) return series.label || known(`tapping.${short}`, short.replaceAll("_", " "));
   const turned = series.angle !== "flexion" || series.joint === "thumb_cmc";
   const way = turned ? directionWords(series.joint, series.angle, series.end === "largest") : t(`course.way.${series.end}`);
   return t("course.figure", { ...jointWords(series.joint), way }).replace("  ", " ");
 }
 
 export function valueWords(series, value) {
-  return series.joint ? angleWords(series.joint, series.angle, value) : withUnit(series, value);
+  if (series.joint) return angleWords(series.joint, series.angle, value);
+  const size = withUnit(series, Math.abs(value));
+  return value < 0 && size !== withUnit(series, 0) ? t("course.below_zero", { size }) : size;
 }
 
 /** The newest value against the first or the one before: { value, then, beyond }; beyond is null where it is not judged. */

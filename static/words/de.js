@@ -182,6 +182,7 @@ export default {
   "course.beyond.row": "{figure} ({task}): {change}",
   "course.beyond.mark": "jenseits des Messfehlers",
   "course.figure": "{finger} {joint} {way}",
+  "course.below_zero": "{size} kleiner",
   "course.way.largest": "Beugung",
   "course.way.smallest": "Streckung",
   "course.same": "unverändert",

@@ -183,6 +183,7 @@ export default {
   "course.beyond.row": "{figure} ({task}): {change}",
   "course.beyond.mark": "beyond measurement error",
   "course.figure": "{finger} {joint} {way}",
+  "course.below_zero": "{size} smaller",
   "course.way.largest": "flexion",
   "course.way.smallest": "extension",
   "course.same": "unchanged",
