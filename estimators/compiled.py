@@ -46,13 +46,18 @@ def told_by_row(layout: str) -> Callable[[Callable[..., None]], Told]:
     return lambda kernel: _over_rows(kernel, layout, boolean)
 
 
+def looped(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """A loop over samples of which each needs the one before: translated when it is first called on a machine, and kept."""
+    _name_by_calls(kernel)
+    compiled: Callable[..., Any] = njit(error_model="numpy", cache=True)(kernel)
+    return compiled
+
+
 def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
     taken, given = layout.split("->")
     types = [_typed(core, float64, float64) for core in _cores(taken)] + [_typed(core, gives, gives[:]) for core in _cores(given)]
     row = inlined(kernel)
-    if called := list(called_by(kernel)):
-        # numba knows a kept kernel by its own file: what it calls may stand in others and gives it a name of its own
-        kernel.__qualname__ += "_" + hashlib.sha256(repr(called).encode()).hexdigest()[:12]
+    _name_by_calls(kernel)
     ufunc = guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
 
     def over_rows(*arrays: Any) -> Any:
@@ -61,6 +66,12 @@ def _over_rows(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
 
     over_rows.row = row  # type: ignore[attr-defined]
     return over_rows
+
+
+def _name_by_calls(kernel: Callable[..., Any]) -> None:
+    """numba knows a kept kernel by its own file: what it calls may stand in others and gives it a name of its own."""
+    if called := list(called_by(kernel)):
+        kernel.__qualname__ += "_" + hashlib.sha256(repr(called).encode()).hexdigest()[:12]
 
 
 def called_by(kernel: Callable[..., Any]) -> Iterator[Any]:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hinge_axes import common_rotation
 from estimators.imu_calibration import ImuCalibration
@@ -101,6 +100,14 @@ def common_axes(mag: Array) -> tuple[Array, Array]:
     return np.array([turn.q_ab for turn in turns]), np.array([turn.residual for turn in turns])
 
 
+def dip(mag: Array, acc: Array) -> float:
+    """How far the field points below the horizon, rad: corrected readings (n, 3) and an accelerometer's (n, 3) in the same axes, turned slowly."""
+    good = np.isfinite(mag).all(axis=1) & np.isfinite(acc).all(axis=1)
+    m, a = mag[good], acc[good]
+    down = -(m * a).sum(axis=1) / (np.linalg.norm(m, axis=1) * np.linalg.norm(a, axis=1))
+    return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
+
+
 def _off(x: Array, z: Array) -> Array:
     return np.asarray(np.linalg.norm((z - x[6:]) @ _symmetric(x[:6]), axis=1) - 1.0)
 
@@ -134,8 +141,3 @@ def _symmetric(entries: Array) -> Array:
     for (i, j), value in zip(ENTRIES, entries):
         M[i, j] = M[j, i] = value
     return M
-
-
-def turned(q_1l: Array, mag: Array) -> Array:
-    """Readings (n, magnetometers, 3) in the first magnetometer's axes."""
-    return quat.rotate(q_1l, mag)

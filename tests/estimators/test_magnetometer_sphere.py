@@ -58,6 +58,14 @@ def test_a_plate_shares_its_axes() -> None:
     assert left.max() < 0.02
 
 
+def test_the_dip_is_told_by_an_accelerometer_beside() -> None:
+    rng = np.random.default_rng(6)
+    q = quat.normalize(rng.normal(size=(300, 4)))
+    mag, acc = quat.rotate(q, np.array([0.0, 18.6e-6, -46.2e-6])), quat.rotate(q, np.array([0.0, 0.0, 9.81]))
+    noisy = mag + NOISE * rng.normal(size=mag.shape), acc + 0.3 * rng.normal(size=acc.shape)
+    assert sphere.dip(*noisy) == pytest.approx(np.arctan2(46.2, 18.6), abs=np.radians(0.5))
+
+
 @pytest.mark.parametrize(
     ("readings", "says"),
     [

@@ -1,0 +1,367 @@
+"""The arithmetic of magnet_tracking.py for one sample after the other, compiled: time update, magnetic and inertial updates, search for a lost magnet.
+
+State   x (26,): p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg; P (24, 24) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg], R = R^ (1 + [dth]x)
+Source  Kortier, thesis ch. 5, (5.2)-(5.22). Updates go component by component, which is the same as all at once; the magnetic one is iterated (Bell &
+        Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from linear where the place is not well known
+Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
+        trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss)
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.compiled import inlined
+from estimators.dipole import MU0_4PI
+from estimators.quaternions import Array
+from estimators.small_matrices import block, product, put, spread
+
+P_, V_, TH, B_, BTG, BTA, THG, BBG = (3 * k for k in range(8))  # rows of the error
+XQ, XB, XTG, XTA, XGB, XBG = 6, 10, 13, 16, 19, 23  # rows of the state behind p and v
+ITERATIONS = 6
+GRID = 10  # places searched along each axis of the volume
+EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
+
+
+class Sizes(NamedTuple):
+    """Spectral densities and standard deviations in SI, as the loop needs them."""
+
+    gyr: float  # rad/s/sqrt(Hz)
+    acc: float  # m/s^2/sqrt(Hz), white
+    acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
+    mag: float  # T
+    mag_left: float  # T
+    share: float  # of the magnet's field
+    place: float  # m
+    alike: float  # s
+    left_alike: float  # s
+    gyr_walk: float  # rad/s/sqrt(s)
+    acc_walk: float  # m/s^2/sqrt(s)
+    field_walk: float  # T/sqrt(s)
+    gravity: float
+    gate: float  # share of g
+    acc_still: float  # m/s^2
+    acc_moving: float  # m/s^2
+    acc_common: float  # m/s^2
+    still_speed: float  # m/s
+    still_rate: float  # rad/s
+    reach: float  # m, half the volume's edge
+    reach_speed: float  # m/s
+    max_gap: float  # s
+    doubt: float
+    mean_rates: float  # 1: a reading is the mean since the one before
+
+
+@inlined
+def matrix(q: Array) -> Array:
+    """R (3, 3) of q (4,)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return R
+
+
+@inlined
+def times(A: Array, v: Array) -> Array:
+    """A v (3,)."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = A[i, 0] * v[0] + A[i, 1] * v[1] + A[i, 2] * v[2]
+    return out
+
+
+@inlined
+def back(A: Array, v: Array) -> Array:
+    """A' v (3,)."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = A[0, i] * v[0] + A[1, i] * v[1] + A[2, i] * v[2]
+    return out
+
+
+@inlined
+def chained(A: Array, B: Array) -> Array:
+    """A B (3, 3)."""
+    out = np.empty((3, 3))
+    product(A, B, out)
+    return out
+
+
+@inlined
+def transposed(A: Array) -> Array:
+    """A' (3, 3)."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = A[j, i]
+    return out
+
+
+@inlined
+def skew(v: Array) -> Array:
+    """[v]x (3, 3)."""
+    S = np.zeros((3, 3))
+    S[0, 1], S[0, 2], S[1, 0] = -v[2], v[1], v[2]
+    S[1, 2], S[2, 0], S[2, 1] = -v[0], -v[1], v[0]
+    return S
+
+
+@inlined
+def turned(q: Array, by: Array, left: bool) -> Array:
+    """q exp(by), or exp(by) q, of unit length."""
+    angle = math.sqrt(by[0] * by[0] + by[1] * by[1] + by[2] * by[2])
+    k = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
+    a0, a1, a2, a3 = q[0], q[1], q[2], q[3]
+    b0, b1, b2, b3 = math.cos(0.5 * angle), k * by[0], k * by[1], k * by[2]
+    s = -1.0 if left else 1.0  # the other order turns the sign of the cross product
+    out = np.empty(4)
+    out[0] = a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3
+    out[1] = a0 * b1 + a1 * b0 + s * (a2 * b3 - a3 * b2)
+    out[2] = a0 * b2 + a2 * b0 + s * (a3 * b1 - a1 * b3)
+    out[3] = a0 * b3 + a3 * b0 + s * (a1 * b2 - a2 * b1)
+    n = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
+    for i in range(4):
+        out[i] /= n
+    return out
+
+
+@inlined
+def moved(x: Array, dx: Array) -> Array:
+    """The state with an error put in. (5.3)"""
+    out = x.copy()
+    for i in range(3):
+        out[i] += dx[P_ + i]
+        out[3 + i] += dx[V_ + i]
+        out[XB + i] += dx[B_ + i]
+        out[XTG + i] += dx[BTG + i]
+        out[XTA + i] += dx[BTA + i]
+        out[XBG + i] += dx[BBG + i]
+    q_bt, q_gb = turned(x[XQ : XQ + 4], dx[TH : TH + 3], False), turned(x[XGB : XGB + 4], dx[THG : THG + 3], False)
+    for i in range(4):
+        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+    return out
+
+
+@inlined
+def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:
+    """The state dt later and its derivative F (24, 24); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
+    w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        mean_b = now[i] if s.mean_rates > 0.5 else 0.5 * (before[i] + now[i])
+        mean_t = now[6 + i] if s.mean_rates > 0.5 else 0.5 * (before[6 + i] + now[6 + i])
+        w_b[i], w_t[i] = (mean_b - x[XBG + i]) * dt, (mean_t - x[XTG + i]) * dt
+        back_b[i], back_t[i] = -w_b[i], -w_t[i]
+        f_b0[i], f_b1[i] = before[3 + i], now[3 + i]
+        f_t0[i], f_t1[i] = before[9 + i] - x[XTA + i], now[9 + i] - x[XTA + i]
+    one = np.zeros(4)
+    one[0] = 1.0
+    C = matrix(turned(one, back_b, False))  # old axes of the base to new ones
+    R0 = matrix(x[XQ : XQ + 4])
+    out = x.copy()
+    q_bt, q_gb = turned(turned(x[XQ : XQ + 4], back_b, True), w_t, False), turned(x[XGB : XGB + 4], w_b, False)
+    R1 = matrix(q_bt)
+    a0, a1 = times(R0, f_t0), times(R1, f_t1)
+    v, p = np.empty(3), np.empty(3)
+    for i in range(3):
+        a0[i], a1[i] = a0[i] - f_b0[i], a1[i] - f_b1[i]  # (5.19): gravity is in both
+        v[i] = x[3 + i] + 0.5 * dt * a0[i]
+        p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
+    v, p = times(C, v), times(C, p)
+    for i in range(3):
+        out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
+    for i in range(4):
+        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+    for i in range(24):
+        for j in range(24):
+            F[i, j] = 1.0 if i == j else 0.0
+    block(1.0, C, P_, P_, F)
+    block(1.0, C, V_, V_, F)
+    block(dt, C, P_, V_, F)
+    R, f = chained(C, R0), np.empty(3)
+    for i in range(3):
+        f[i] = 0.5 * (f_t0[i] + f_t1[i])
+    push = chained(R, skew(f))
+    block(-dt, push, V_, TH, F)
+    block(-0.5 * dt * dt, push, P_, TH, F)
+    block(-dt, R, V_, BTA, F)
+    block(-0.5 * dt * dt, R, P_, BTA, F)
+    block(-dt, skew(out[0:3]), P_, BBG, F)
+    block(-dt, skew(out[3:6]), V_, BBG, F)
+    block(1.0, matrix(turned(one, back_t, False)), TH, TH, F)
+    block(1.0, C, THG, THG, F)
+    for i in range(3):
+        F[TH + i, BTG + i] = F[THG + i, BBG + i] = -dt
+    block(dt, transposed(R1), TH, BBG, F)
+    return out
+
+
+@inlined
+def widened(s: Sizes, P: Array, F: Array, dt: float, rough: float) -> None:
+    """The covariance dt later, in place; `rough` multiplies the noise of sensors that did not answer. (5.6)"""
+    carried = np.empty((24, 24))
+    spread(F, P, carried)
+    put(carried, P)
+    gyr, acc = rough * s.gyr * s.gyr, rough * 2 * s.acc * s.acc + s.acc_slow * s.acc_slow
+    for i in range(24):  # the base's gyroscope moves p, v and both orientations by the same error
+        for j in range(24):
+            for k in range(3):
+                a = F[i, BBG + k] if i < BBG else 0.0
+                b = F[j, BBG + k] if j < BBG else 0.0
+                P[i, j] += a * b * gyr / dt
+    for i in range(3):
+        P[TH + i, TH + i] += gyr * dt
+        P[V_ + i, V_ + i] += acc * dt
+        P[P_ + i, P_ + i] += acc * dt**3 / 3
+        P[P_ + i, V_ + i] += acc * dt**2 / 2
+        P[V_ + i, P_ + i] += acc * dt**2 / 2
+        P[B_ + i, B_ + i] += s.field_walk**2 * dt
+        P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
+        P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
+        P[BTA + i, BTA + i] += s.acc_walk**2 * dt
+
+
+@inlined
+def corrected(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
+    """One scalar measurement e = H dx + noise: dx and P in place; gives the normalised innovation squared. (5.5)"""
+    PH = np.zeros(24)
+    for j in range(24):
+        if H[j] != 0.0:
+            for i in range(24):
+                PH[i] += P[i, j] * H[j]
+    S, left = variance, e
+    for i in range(24):
+        S += H[i] * PH[i]
+        left -= H[i] * dx[i]
+    for i in range(24):
+        K = PH[i] / S
+        dx[i] += K * left
+        for j in range(24):
+            P[i, j] -= K * PH[j]
+    return left * left / S
+
+
+@inlined
+def seen(x: Array, place: Array, moment: Array, lever: Array, H: Array, B_m: Array) -> Array:
+    """What a magnetometer at `place` reads in the base's axes (3,), its derivative H (3, 24), the magnet's own part B_m. (5.7)-(5.15), (5.24)"""
+    R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
+    m, arm = times(R, moment), times(R, lever)
+    B_b: Array = back(R_gb, x[XB : XB + 3])
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[i] + arm[i] - place[i]
+    square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
+    along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
+    k5 = MU0_4PI / square**2.5
+    J, D = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            J[i, j] = 3 * k5 * r[i] * r[j]
+            D[i, j] = 3 * k5 * (r[i] * m[j] + m[i] * r[j] - 5 * along * r[i] * r[j] / square)
+        J[i, i] -= k5 * square
+        D[i, i] += 3 * k5 * along
+    own = times(J, m)
+    for i in range(3):
+        B_m[i] = own[i]
+        for j in range(24):
+            H[i, j] = 0.0
+    block(1.0, D, 0, P_, H)
+    by_lever, by_moment = chained(D, chained(R, skew(lever))), chained(J, chained(R, skew(moment)))
+    for i in range(3):
+        for j in range(3):
+            H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
+    block(1.0, transposed(R_gb), 0, B_, H)
+    block(1.0, skew(B_b), 0, THG, H)
+    for i in range(3):
+        B_b[i] += B_m[i]
+    return B_b
+
+
+@inlined
+def unsure(s: Sizes, x: Array, place: Array, lever: Array, B_m: Array, slow: float) -> float:
+    """Variance of a magnetometer's axis: noise, and `slow` times what stays alike: calibration, moment and places. T^2"""
+    arm = times(matrix(x[XQ : XQ + 4]), lever)
+    square = 1e-4
+    strength = 0.0
+    for i in range(3):
+        square += (x[i] + arm[i] - place[i]) ** 2
+        strength += B_m[i] ** 2
+    longer = slow if slow == 1.0 else slow * s.left_alike / s.alike
+    return s.mag**2 + longer * s.mag_left**2 + slow * (s.share**2 + 9 * s.place**2 / square) * strength
+
+
+@inlined
+def magnetic(
+    s: Sizes, x: Array, P: Array, start: Array, mag: Array, places: Array, moment: Array, lever: Array, slow: float, grown: float
+) -> tuple[Array, Array, float]:
+    """Iterated update from the linearisation at x moved by `start`: error (24,), covariance, cost."""
+    dx, C, cost = start.copy(), P, 0.0
+    H, B_m = np.zeros((3, 24)), np.zeros(3)
+    for iteration in range(ITERATIONS):
+        at = moved(x, dx)
+        new, cost = np.zeros(24), 0.0
+        C = P.copy()
+        for k in range(len(places)):
+            if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+                continue
+            h = seen(at, places[k], moment, lever, H, B_m)
+            variance = grown * unsure(s, at, places[k], lever, B_m, slow)
+            for i in range(3):
+                e = mag[k, i] - h[i]
+                for j in range(24):
+                    e += H[i, j] * dx[j]
+                cost += corrected(C, new, H[i], e, variance) + math.log(variance)
+        change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
+        if iteration < ITERATIONS - 1 and change > 0.1:  # a long step over a field that bends leads astray
+            for i in range(24):
+                new[i] = dx[i] + (new[i] - dx[i]) * 0.1 / change
+        dx = new
+        if change < 0.002:
+            break
+    return dx, C, cost
+
+
+@inlined
+def spaced(k: int) -> float:
+    """Places of the grid from -1 to 1, closer together in the middle, where the field bends most."""
+    u: float = 2.0 * k / (GRID - 1) - 1.0
+    return u * math.sqrt(abs(u))
+
+
+@inlined
+def searched(s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array, centre: Array, slow: float) -> Array:
+    """The error (24,) of which only the place is not zero: where in the volume the readings fit best."""
+    best, lowest, where = np.zeros(24), math.inf, np.zeros(3)
+    R = matrix(x[XQ : XQ + 4])
+    m, arm, B_b = times(R, moment), times(R, lever), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
+    fixed = s.mag**2 + slow * s.mag_left**2 + P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
+    for a in range(GRID):
+        where[0] = centre[0] + s.reach * spaced(a)
+        for b in range(GRID):
+            where[1] = centre[1] + s.reach * spaced(b)
+            for c in range(GRID):
+                where[2] = centre[2] + s.reach * spaced(c)
+                cost = 0.0
+                for k in range(len(places)):
+                    if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+                        continue
+                    square, along, strength, missed = 1e-4, 0.0, 0.0, 0.0
+                    for i in range(3):
+                        r = where[i] + arm[i] - places[k, i]
+                        square += r * r
+                        along += r * m[i]
+                    for i in range(3):
+                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - places[k, i]) - square * m[i]) / square**2.5
+                        strength += own * own
+                        missed += (mag[k, i] - B_b[i] - own) ** 2
+                    variance = fixed + (tilt + 0.25) * strength  # half the field: between the points of the grid
+                    cost += missed / variance + 3 * math.log(variance)
+                if cost < lowest:
+                    lowest = cost
+                    for i in range(3):
+                        best[P_ + i] = where[i] - x[i]
+    return best

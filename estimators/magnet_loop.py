@@ -1,0 +1,251 @@
+"""One sample after the other: time update, magnetometers, accelerometers, standstill, volume; what is unexpected makes the filter careful.
+
+Source  Kortier, thesis ch. 5, Fig. 5.3, (5.16)-(5.18)
+Leaves  (5.18) is used where trunk and hand both stand still: one that stands alone says nothing of the difference of two velocities
+"""
+
+import math
+
+import numpy as np
+
+from estimators.compiled import inlined, looped
+from estimators.magnet_filter import (
+    BBG,
+    BTA,
+    BTG,
+    EVIDENCE,
+    P_,
+    TH,
+    THG,
+    V_,
+    XBG,
+    XGB,
+    XQ,
+    XTA,
+    XTG,
+    Sizes,
+    back,
+    corrected,
+    magnetic,
+    matrix,
+    moved,
+    searched,
+    seen,
+    skew,
+    stepped,
+    unsure,
+    widened,
+)
+from estimators.quaternions import Array
+from estimators.small_matrices import block, put
+
+WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
+MEMORY = 0.5  # s over which surprises are averaged
+LOST = 16.0  # mean normalised innovation squared at which the place is given up
+TURN_LOST = 20 * math.pi / 180
+SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading
+
+
+@inlined
+def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
+    """Where the hand is and how fast is not known any more; how it is turned is less sure."""
+    for i in range(6):
+        for j in range(24):
+            P[i, j] = P[j, i] = 0.0
+    for i in range(3):
+        P[P_ + i, P_ + i], P[V_ + i, V_ + i] = s.reach**2 / 3, s.reach_speed**2
+        P[TH + i, TH + i] += turn**2
+        x[P_ + i], x[V_ + i] = centre[i], 0.0
+
+
+@inlined
+def surprise(s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array) -> float:
+    """Mean normalised innovation squared of the magnetometers' axes, by what a single reading may be off; negative where none answered."""
+    H, B_m, total, count = np.zeros((3, 24)), np.zeros(3), 0.0, 0
+    for k in range(len(places)):
+        if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+            continue
+        h = seen(x, places[k], moment, lever, H, B_m)
+        variance = unsure(s, x, places[k], lever, B_m, 1.0)
+        for i in range(3):
+            S = variance
+            for a in range(24):
+                if H[i, a] != 0.0:
+                    for b in range(24):
+                        S += H[i, a] * P[a, b] * H[i, b]
+            total += (mag[k, i] - h[i]) ** 2 / S
+            count += 1
+    return total / count if count else -1.0
+
+
+@inlined
+def heard(
+    s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array, centre: Array, slow: float, grown: float
+) -> Array:
+    """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
+    start = np.zeros(24)
+    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2 and len(places) > 1:  # one alone is explained by many places
+        # which place is right is told by a single reading, for which what stays alike is off by no more than it is
+        here, _, cost = magnetic(s, x, P, start, mag, places, moment, lever, 1.0, 1.0)
+        there = searched(s, x, P, mag, places, moment, lever, centre, 1.0)
+        there, _, less = magnetic(s, x, P, there, mag, places, moment, lever, 1.0, 1.0)
+        start = there if less < cost - EVIDENCE else here
+    dx, C, _ = magnetic(s, x, P, start, mag, places, moment, lever, slow, grown)
+    put(C, P)
+    out: Array = moved(x, dx)
+    return out
+
+
+@inlined
+def clear(H: Array) -> None:
+    """All entries zero."""
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            H[i, j] = 0.0
+
+
+@inlined
+def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, dt: float) -> Array:
+    """Accelerometers that read gravity (5.16), accelerations in common (5.17), standstill (5.18), volume. In place; gives the state."""
+    dx, H = np.zeros(24), np.zeros((3, 24))
+    R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
+    up = np.zeros(3)
+    up[2] = s.gravity
+    g_b = back(R_gb, up)
+    g_t = back(R, g_b)
+    f_b, f_t = now[3:6], now[9:12]
+    norm_b = math.sqrt(f_b[0] ** 2 + f_b[1] ** 2 + f_b[2] ** 2)
+    norm_t = math.sqrt(f_t[0] ** 2 + f_t[1] ** 2 + f_t[2] ** 2)
+    share = s.alike / dt
+    if abs(norm_b - s.gravity) < s.gate * s.gravity:
+        sd = s.acc_still if still_b else s.acc_moving
+        block(1.0, skew(g_b), 0, THG, H)
+        for i in range(3):
+            corrected(P, dx, H[i], f_b[i] - g_b[i], sd * sd * share)
+    if abs(norm_t - s.gravity) < s.gate * s.gravity:
+        sd = s.acc_still if still_t else s.acc_moving
+        clear(H)
+        block(1.0, skew(g_t), 0, TH, H)
+        S = skew(g_b)
+        for i in range(3):
+            for j in range(3):
+                H[i, THG + j] = R[0, i] * S[0, j] + R[1, i] * S[1, j] + R[2, i] * S[2, j]
+            H[i, BTA + i] = 1.0
+        for i in range(3):
+            corrected(P, dx, H[i], f_t[i] - x[XTA + i] - g_t[i], sd * sd * share)
+    turning = 0.0
+    for i in range(3):
+        turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
+    apart = turning * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)  # centripetal: two places of one turning body differ by it
+    if abs(norm_b - norm_t) < s.acc_common and apart < s.acc_common and abs(norm_b - s.gravity) > s.gate * s.gravity:
+        common = back(R, f_b)
+        clear(H)
+        block(1.0, skew(common), 0, TH, H)
+        for i in range(3):
+            H[i, BTA + i] = 1.0
+        for i in range(3):
+            corrected(P, dx, H[i], f_t[i] - x[XTA + i] - common[i], (s.acc_moving + norm_b * 0.1) ** 2 * share)
+    if still_b and still_t:
+        for i in range(3):
+            clear(H)
+            H[0, V_ + i] = 1.0
+            corrected(P, dx, H[0], -x[3 + i], s.still_speed**2 * share)
+            H[0, V_ + i], H[0, BTG + i] = 0.0, 1.0
+            corrected(P, dx, H[0], now[6 + i] - x[XTG + i], s.still_rate**2 * share)
+            H[0, BTG + i], H[0, BBG + i] = 0.0, 1.0
+            corrected(P, dx, H[0], now[i] - x[XBG + i], s.still_rate**2 * share)
+    out: Array = moved(x, dx)
+    return out
+
+
+@inlined
+def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
+    """An arm is not endless and not endlessly fast: where the magnet does not tell, this keeps the filter in its volume. (5.18)"""
+    dx, H, before = np.zeros(24), np.zeros(24), P.copy()
+    outside = False
+    for i in range(3):
+        outside = outside or abs(x[i] - centre[i]) > s.reach
+    for i in range(3):
+        if P[P_ + i, P_ + i] > s.reach**2 / 3:
+            for j in range(24):
+                H[j] = 0.0
+            H[P_ + i] = 1.0
+            corrected(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
+        if outside or P[V_ + i, V_ + i] > s.reach_speed**2:
+            for j in range(24):
+                H[j] = 0.0
+            H[V_ + i] = 1.0
+            corrected(P, dx, H, -x[3 + i], (0.1 if outside else s.reach_speed) ** 2 * s.alike / dt)
+    for i in range(6, 24):  # a wish, no measurement: orientations and biases do not learn from it
+        dx[i] = 0.0
+        for j in range(6, 24):
+            P[i, j] = before[i, j]
+    out: Array = moved(x, dx)
+    return out
+
+
+@looped
+def followed(
+    s: Sizes,
+    places: Array,
+    moment: Array,
+    lever: Array,
+    centre: Array,
+    x: Array,
+    P: Array,
+    mood: Array,
+    before: Array,
+    dts: Array,
+    samples: Array,
+    mags: Array,
+    still: Array,
+    states: Array,
+    variances: Array,
+    moods: Array,
+) -> Array:
+    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, 26), variances (n, 24),
+    surprise (n,). P, mood and `before` (the last good readings) in place; gives the state."""
+    F, now = np.zeros((24, 24)), np.zeros(12)
+    for n in range(len(samples)):
+        dt, rough = dts[n], 1.0
+        for i in range(12):
+            now[i] = samples[n, i]
+            if math.isnan(now[i]):
+                now[i], rough = before[i], 1e4
+        if dt > s.max_gap:
+            forgotten(s, x, P, centre, 1.5 * TURN_LOST)
+            for i in range(3):
+                P[THG + i, THG + i] += TURN_LOST**2
+        elif dt > 0:
+            x = stepped(s, x, before, now, dt, F)
+            widened(s, P, F, dt, rough)
+        for i in range(12):
+            before[i] = now[i]
+        step = min(max(dt, 1e-3), s.max_gap)
+        wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
+        told = surprise(s, x, P, mags[n], places, moment, lever)
+        if told >= 0:
+            since = min(mood[SILENT] + step, 0.2)
+            mood[SILENT] = 0.0
+            x = heard(s, x, P, mags[n], places, moment, lever, centre, max(1.001, s.alike / since), max(1.0, mood[SURPRISE] / s.doubt))
+            if wide:  # before it was found nothing could be expected
+                told = surprise(s, x, P, mags[n], places, moment, lever)
+            mood[SURPRISE] += min(1.0, since / MEMORY) * (min(told, 100.0) - mood[SURPRISE])
+            mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
+            if mood[OUT] > MEMORY:
+                forgotten(s, x, P, centre, TURN_LOST)
+                mood[OUT] = 0.0
+        else:
+            mood[SILENT] += step
+        if rough < 2.0:
+            x = vertical(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, step)
+        x = bounded(s, x, P, centre, step)
+        for i in range(24):
+            for j in range(i):
+                mean = 0.5 * (P[i, j] + P[j, i])
+                P[i, j] = P[j, i] = mean
+            variances[n, i] = P[i, i] * max(1.0, mood[SURPRISE] / s.doubt)
+        for i in range(26):
+            states[n, i] = x[i]
+        moods[n] = mood[SURPRISE]
+    return x

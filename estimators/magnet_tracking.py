@@ -1,0 +1,357 @@
+"""Where the hand is and how it is turned against the trunk, from a permanent magnet on the hand and magnetometers on the trunk, live and in batch.
+
+In      Readings: inertial samples of trunk (base b) and hand (target t), any number of calibrated magnetometers on the trunk; a Setup
+Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
+Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
+        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py, magnet_loop.py
+Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
+Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
+        array; what the accelerometer of the trunk is off by is taken for the hand's. A magnet that nobody told of is flagged, not tracked
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.magnet_filter import B_, P_, TH, THG, V_, XB, XGB, XQ, Sizes
+from estimators.magnet_localisation import located
+from estimators.magnet_loop import followed
+from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.sensor_fusion import upright
+from estimators.zero_velocity import GRAVITY, likelihood_ratios
+
+DEG = np.pi / 180
+HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MagnetParams:
+    gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
+    gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
+    gyr_scale: float = option(
+        0.3, "deg/s/sqrt(Hz)", "what scale errors of a moving gyroscope amount to", "ours: 0.5 % of 1 rad/s, alike for 0.5 s"
+    )
+    acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
+    acc_error: float = option(
+        0.06, "m/s^2", "what an accelerometer is off by for long", "ours: biases of 0.05 m/s^2 and scales after calibration"
+    )
+    mag_noise: float = option(0.2, "uT", "white noise of a magnetometer axis", HMC5883L, least=1e-3)
+    mag_error: float = option(0.2, "uT", "what the calibration of a magnetometer leaves", "ours: 0.4 % of the earth's field")
+    magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
+    place_error: float = option(0.001, "m", "error of the places of magnetometers and magnet", "Kortier thesis 5.2.4: a ruler; size ours")
+    alike: float = option(0.2, "s", "time over which what a calibration leaves stays alike while the hand moves", "ours", least=0.01)
+    left_alike: float = option(
+        3.0, "s", "the same of what the calibration of a magnetometer leaves: it changes as the trunk turns", "ours", least=0.01
+    )
+    gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
+    gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1")
+    acc_bias_sd: float = option(0.1, "m/s^2", "bias of the hand's accelerometer at the start", "as the hand filter's", least=1e-6)
+    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of the hand's accelerometer bias", "ours")
+    field_walk: float = option(0.1, "uT/sqrt(s)", "change of the environment's field", "ours: a homogeneous room", least=1e-6)
+    gate: float = option(0.05, "1", "share of g by which an accelerometer that tells the vertical may be off", "Kortier thesis 5.2.2")
+    acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
+    acc_moving: float = option(0.6, "m/s^2", "error of gravity within the gate while it moves", "5 % of g", least=1e-3)
+    acc_common: float = option(0.3, "m/s^2", "difference up to which trunk and hand are accelerated in common", "ours, for (5.17)")
+    still_samples: int = option(9, "samples", "stretch that is looked at for a standstill", "Skog et al. 2010: 5 to 30", least=2, most=100)
+    still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
+    still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
+    still_speed: float = option(0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6)
+    reach: float = option(0.6, "m", "half the edge of the volume in which the hand can be", "ours: an arm's length", least=0.1, most=2.0)
+    reach_speed: float = option(0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05)
+    inclination_sd: float = option(3.0, "deg", "inclination at the start", "ours", least=0.1)
+    heading_sd: float = option(20.0, "deg", "heading of trunk and hand at the start", "ours", least=0.1)
+    mag_range: float = option(810.0, "uT", "full scale of a magnetometer: a reading at it is left out", "HMC5883L data sheet", least=1.0)
+    gyr_range: float = option(2000.0, "deg/s", "full scale of a gyroscope", "LSM330DLC data sheet", least=1.0)
+    acc_range: float = option(8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0)
+    doubt: float = option(
+        0.9,
+        "1",
+        "mean normalised innovation squared from which readings contradict what is known",
+        "ours: at most 0.7 in 24 undisturbed trials",
+        least=0.1,
+    )
+    max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is known before the first sample."""
+
+    array: Constellation
+    magnet: Magnet
+    earth: float  # T, strength of the field in which the magnetometers were calibrated
+    dip: float | None = None  # rad below the horizon, if it is known
+    centre: Array | None = None  # (3,) m, middle of the volume in the base's frame; None: the array's middle
+    q_bt: Array | None = None  # (4,) how the hand is turned at the start, if somebody knows
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Samples of any length, 0 included."""
+
+    t: Array  # (n,) s
+    base: Array  # (n, 6) gyroscope rad/s, accelerometer m/s^2, base frame
+    target: Array  # (n, 6) the same, target frame
+    mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where there is none at that instant
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs: save it, copy it, start again from it."""
+
+    setup: Setup
+    x: Array | None  # (26,) None before the first whole sample
+    covariance: Array  # (24, 24)
+    mood: Array  # (3,)
+    newest: Array  # (12,) last good inertial readings
+    recent: Array  # (m, 12) for the test of standstill
+    t: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Track:
+    t: Array  # (n,) s
+    p_bt: Array  # (n, 3) m; NaN before the first whole sample, as everything
+    v_bt: Array  # (n, 3) m/s
+    q_bt: Array  # (n, 4)
+    q_gb: Array  # (n, 4)
+    field: Array  # (n, 3) T, of the environment, global frame
+    p_sd: Array  # (n, 3) m
+    v_sd: Array  # (n, 3) m/s
+    q_bt_sd: Array  # (n, 3) rad, about the axes of t
+    q_gb_sd: Array  # (n, 3) rad, about the axes of b
+    snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
+    surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
+    saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
+    still: NDArray[np.bool_]  # (n, 2) base, target
+    doubtful: NDArray[
+        np.bool_
+    ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def start(setup: Setup) -> State:
+    """Before the first sample. InputError where the setup cannot be."""
+    if not EARTH_WEAKEST <= setup.earth <= EARTH_STRONGEST:
+        raise InputError(
+            f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
+        )
+    return State(setup, None, np.zeros((24, 24)), np.array([1.0, 0.0, 0.0]), np.full(12, np.nan), np.empty((0, 12)))
+
+
+def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+    """Advance by samples of any number; nothing depends on where they are cut."""
+    array = state.setup.array
+    n, samples = len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
+    if readings.mag.shape != (n, len(array), 3) or samples.shape != (n, 12):
+        raise InputError(
+            f"Magnetometer readings are {readings.mag.shape}, inertial ones {samples.shape}; {n} samples of {len(array)} magnetometers were told."
+        )
+    limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
+    samples = np.where(np.abs(samples) < 0.999 * limits, samples, np.nan)
+    with np.errstate(invalid="ignore"):
+        saturated = np.asarray((np.abs(readings.mag) >= 0.999e-6 * params.mag_range).any(axis=2))
+    mag = np.where(saturated[..., None], np.nan, readings.mag)
+    mag_b = quat.rotate(array.q_bl, mag) if n else mag
+    first, x, P = 0, state.x, state.covariance
+    if x is None:
+        whole = np.isfinite(samples).all(axis=1) & np.isfinite(mag).all(axis=(1, 2))
+        if not whole.any():
+            return replace(state, t=float(readings.t[-1]) if n else state.t), _before(state, readings, 0, n, saturated)
+        first = int(whole.argmax())
+        x, P = _begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
+        state = replace(state, t=float(readings.t[first]), newest=samples[first])
+    window, still = _standstill(params, state, samples[first:])
+    x, P, mood, newest = x.copy(), P.copy(), state.mood.copy(), state.newest.copy()
+    rows = n - first
+    states, variances, moods = np.empty((rows, 26)), np.empty((rows, 24)), np.empty(rows)
+    dts = np.diff(readings.t[first:], prepend=state.t)
+    setup = state.setup
+    x = followed(
+        _sizes(params),
+        array.places,
+        setup.magnet.moment,
+        setup.magnet.place,
+        _centre(setup),
+        x,
+        P,
+        mood,
+        newest,
+        dts,
+        np.ascontiguousarray(samples[first:]),
+        np.ascontiguousarray(mag_b[first:]),
+        still.astype(float),
+        states,
+        variances,
+        moods,
+    )
+    t = float(readings.t[-1]) if n else state.t
+    track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
+    return replace(state, x=x, covariance=P, mood=mood, newest=newest, recent=window, t=t), track
+
+
+def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
+    """Nothing waits; here for the shape that every tracker has."""
+    nothing = Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3)))
+    return state, _before(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
+
+
+def tracked(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
+    """A whole recording at once: the same steps as live. InputError where the readings cannot be T."""
+    require_field(readings.mag)
+    return step(params, start(setup), readings)[1]
+
+
+def signal(mag: Array, earth: float) -> Array:
+    """(5.23), dB: 20 log10 of the readings' strength (..., 3) over the earth's. 0 is the earth's field alone; +0.5 is 6 % more, a magnet of 0.3 A m^2
+    at about 28 cm; +6 twice the earth's. It is below 0 where the magnet's field weakens the earth's, and so no measure of accuracy: p_sd is."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(20 * np.log10(np.linalg.norm(mag, axis=-1) / earth))
+
+
+def _centre(setup: Setup) -> Array:
+    return setup.array.places.mean(axis=0) if setup.centre is None else setup.centre
+
+
+def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b: Array) -> tuple[Array, Array]:
+    """State and covariance at the first whole sample: at rest, inclinations from gravity, headings from the field and, if it is near, from the magnet."""
+    near = _near(params, setup, mag)
+    B_b = mag_b.mean(axis=0) if near is None else near[2]
+    q_gb = upright(quat.IDENTITY, sample[3:6])
+    B_g = quat.rotate(q_gb, B_b)
+    north = np.arctan2(B_g[0], B_g[1])
+    q_gb = quat.headed(q_gb, north)
+    level = np.array([0.0, np.hypot(B_g[0], B_g[1]), B_g[2]])
+    if setup.dip is not None:
+        level = setup.earth * np.array([0.0, np.cos(setup.dip), -np.sin(setup.dip)])
+    q_bt = setup.q_bt
+    if q_bt is None:
+        q_gt = upright(quat.IDENTITY, sample[9:12])
+        q_bt = quat.multiply(quat.conjugate(q_gb), q_gt)
+        turn = 0.0
+        if near is not None:
+            m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
+            turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
+        q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
+    p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
+    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(3)])
+    incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
+    lost = setup.q_bt is None and near is None
+    up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
+    P = np.zeros((24, 24))
+    P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
+    P[V_ : V_ + 3, V_ : V_ + 3] = np.eye(3) * 0.1**2
+    P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
+    field = np.array([1e-6, 0.1 * setup.earth, 0.1 * setup.earth]) if setup.dip is None else np.full(3, 1e-6)
+    P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
+    P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (params.gyr_bias_sd * DEG) ** 2
+    P[range(15, 18), range(15, 18)] = params.acc_bias_sd**2
+    P[THG : THG + 3, THG : THG + 3] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
+    return x, P
+
+
+def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array, Array] | None:
+    """Place and moment of the magnet and the field without it in the base's frame from one reading, if the array sees it well."""
+    if len(setup.array) < 3:
+        return None
+    found = located(
+        mag[None], setup.array, None, setup.magnet.size, 1e-6 * np.hypot(params.mag_noise, params.mag_error), params.reach, 0.03
+    )
+    return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
+
+
+def _standstill(params: MagnetParams, state: State, samples: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The newest samples that the next test needs, and whether base and target stood still up to each sample (n, 2)."""
+    length = params.still_samples
+    joined = np.concatenate([state.recent, samples])
+    still = np.zeros((len(samples), 2), bool)
+    if len(joined) >= length and len(samples):
+        windows = np.lib.stride_tricks.sliding_window_view(joined, length, axis=0).transpose(0, 2, 1)
+        for k in range(2):
+            ratio = likelihood_ratios(
+                windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], params.still_gyr * DEG, params.still_acc
+            )
+            still[len(samples) - len(ratio) :, k] = ratio < 1.0
+    return joined[-(length - 1) :], still
+
+
+def _sizes(p: MagnetParams) -> Sizes:
+    return Sizes(
+        gyr=float(np.hypot(p.gyr_noise, p.gyr_scale)) * DEG,
+        acc=p.acc_noise,
+        acc_slow=p.acc_error * np.sqrt(2 * p.alike),
+        mag=1e-6 * p.mag_noise,
+        mag_left=1e-6 * p.mag_error,
+        share=p.magnet_error,
+        place=p.place_error,
+        alike=p.alike,
+        left_alike=p.left_alike,
+        gyr_walk=p.gyr_bias_walk,
+        acc_walk=p.acc_bias_walk,
+        field_walk=1e-6 * p.field_walk,
+        gravity=GRAVITY,
+        gate=p.gate,
+        acc_still=p.acc_still,
+        acc_moving=p.acc_moving,
+        acc_common=p.acc_common,
+        still_speed=p.still_speed,
+        still_rate=0.25 * p.still_gyr * DEG,
+        reach=p.reach,
+        reach_speed=p.reach_speed,
+        max_gap=p.max_gap,
+        doubt=p.doubt,
+        mean_rates=float(p.gyr_reading == "mean"),
+    )
+
+
+def _told(
+    params: MagnetParams,
+    setup: Setup,
+    readings: Readings,
+    first: int,
+    x: Array,
+    sd: Array,
+    moods: Array,
+    saturated: NDArray[np.bool_],
+    still: NDArray[np.bool_],
+    mag: Array,
+) -> Track:
+    field = x[:, XB : XB + 3]
+    strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
+    rest = Track(
+        readings.t[first:],
+        x[:, 0:3],
+        x[:, 3:6],
+        x[:, XQ : XQ + 4],
+        x[:, XGB : XGB + 4],
+        field,
+        sd[:, P_ : P_ + 3],
+        sd[:, V_ : V_ + 3],
+        sd[:, TH : TH + 3],
+        sd[:, THG : THG + 3],
+        signal(mag[first:], setup.earth),
+        moods,
+        saturated[first:],
+        still,
+        (moods > params.doubt) | strange | (len(setup.array) < 2),
+    )
+    if not first:
+        return rest
+    before = _before(start(setup), readings, 0, first, saturated)
+    return Track(*(np.concatenate([getattr(before, f.name), getattr(rest, f.name)]) for f in fields(Track)))
+
+
+def _before(state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]) -> Track:
+    """Samples before the filter could start: nothing is known."""
+    n = last - first
+    v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
+    silent = np.full((n, len(state.setup.array)), np.nan)
+    never = np.zeros((n, 2), bool)
+    return Track(readings.t[first:last], v, v, q, q, v, v, v, v, v, silent, v[:, 0], saturated[first:last], never, np.ones(n, bool))

@@ -1,0 +1,129 @@
+"""A hand followed by its magnet: accuracy, honesty, blocks cut anywhere, out of reach and back, and what was not told."""
+
+from dataclasses import fields, replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from estimators import magnet_setup, magnetometer_sphere
+from estimators import magnet_tracking as tracking
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.magnet_tracking import MagnetParams, Readings, Setup, Track
+from estimators.quaternions import Array
+from estimators.simulation import magnet as sim
+from estimators.simulation.magnet import Motion
+from estimators.simulation.magnetic_field import EARTH, MagneticField, homogeneous
+
+PARAMS = MagnetParams(gyr_reading="instant")  # as the simulator reads rates
+MM = 1e3
+
+
+@cache
+def _worn(seed: int) -> tuple[sim.Worn, tuple[magnetometer_sphere.Sphere, ...], Array, float]:
+    """A plate with its magnetometers calibrated as a user does: turned through all directions, the magnet away."""
+    rng = np.random.default_rng([seed, 1])
+    w, room = sim.worn(rng), homogeneous()
+    m = sim.turned_about(rng, 30.0)
+    raw, acc = sim.magnetic(w, m, room, rng, magnet=False), sim.inertial(w, m, rng)[:, 0, 3:]
+    fits = tuple(magnetometer_sphere.fitted(raw[:, k], strength=EARTH) for k in range(len(w.places)))
+    mag = _corrected(fits, raw)
+    return w, fits, magnetometer_sphere.common_axes(mag)[0], magnetometer_sphere.dip(mag[:, 0], acc)
+
+
+def _corrected(fits: tuple[magnetometer_sphere.Sphere, ...], raw: Array) -> Array:
+    return np.stack([f.corrected(raw[:, k]) for k, f in enumerate(fits)], axis=1)
+
+
+def _made(m: Motion, seed: int = 1, second: MagneticField | None = None, raw: bool = False) -> tuple[Setup, Readings]:
+    w, fits, q_bl, dip = _worn(seed)
+    rng = np.random.default_rng([seed, 2])
+    imu, mag = sim.inertial(w, m, rng), sim.magnetic(w, m, homogeneous(), rng, second=second)
+    setup = Setup(
+        magnet_setup.constellation(w.told_places, q_bl), magnet_setup.magnet(w.told_moment, w.told_lever), EARTH, dip, q_bt=m.q_bt[0]
+    )
+    return setup, Readings(m.t, imu[:, 0], imu[:, 1], mag if raw else _corrected(fits, mag))
+
+
+def _off(m: Motion, track: Track) -> Array:
+    return np.asarray(np.linalg.norm(track.p_bt - m.p_bt, axis=1))
+
+
+@pytest.fixture(scope="module")
+def both() -> tuple[Motion, Setup, Readings, Track]:
+    m = sim.condition("both", np.random.default_rng(11), 30.0)
+    setup, readings = _made(m)
+    return m, setup, readings, tracking.tracked(PARAMS, setup, readings)
+
+
+def test_both_moving_is_followed_within_the_target(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    m, _, _, track = both
+    late = m.t > 10.0
+    assert np.sqrt((_off(m, track)[late] ** 2).mean()) < 0.015
+    assert np.degrees(np.sqrt((quat.angle(quat.relative(m.q_bt, track.q_bt))[late] ** 2).mean())) < 2.0
+    assert np.degrees(np.sqrt((quat.angle(quat.relative(m.q[:, 0], track.q_gb))[late] ** 2).mean())) < 6.0
+    assert not track.doubtful[late].any()
+
+
+def test_nothing_depends_on_where_blocks_are_cut(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    _, setup, whole, track = both
+    state, pieces = tracking.start(setup), []
+    for part in np.split(np.arange(len(whole.t)), [0, 1, 2, 9, 10, 300, 301, 1000]):
+        state, piece = tracking.step(PARAMS, state, Readings(whole.t[part], whole.base[part], whole.target[part], whole.mag[part]))
+        pieces.append(piece)
+    pieces.append(tracking.finish(PARAMS, state)[1])
+    for f in fields(Track):
+        np.testing.assert_array_equal(np.concatenate([getattr(p, f.name) for p in pieces]), getattr(track, f.name))
+
+
+def test_out_of_reach_for_ten_seconds_and_back() -> None:
+    """Known again soon after; where it is not, it says so (four of six such recordings take longer than the two seconds wanted)."""
+    for seed in (2, 3, 4):
+        m = sim.away(sim.condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0)
+        setup, readings = _made(m, seed)
+        track = tracking.tracked(PARAMS, setup, readings)
+        off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
+        assert off[m.t > 34.0].max() < 0.03
+        assert ((off < 4 * sd) | track.doubtful)[away].all(), "what it does not know it does not say"
+
+
+def test_missing_and_saturated_readings_are_left_out(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    m, setup, readings, _ = both
+    mag, base = readings.mag.copy(), readings.base.copy()
+    mag[1::3] = np.nan
+    mag[700:760, 2] = 1e-3
+    base[900:905] = np.nan
+    track = tracking.tracked(PARAMS, setup, replace(readings, mag=mag, base=base))
+    assert track.saturated.sum() == np.isfinite(mag[700:760, 2, 0]).sum()
+    assert np.isfinite(track.p_bt).all()
+    assert np.sqrt((_off(m, track)[m.t > 10.0] ** 2).mean()) < 0.025
+
+
+def test_a_second_magnet_is_flagged_and_not_believed(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    m = both[0]
+    other = MagneticField(np.zeros(3), np.array([[0.05, 0.12, -0.1]]), np.array([[0.0, 0.2, 0.2]]))
+    setup, readings = _made(m, second=other)
+    track = tracking.tracked(PARAMS, setup, readings)
+    off, late = _off(m, track), m.t > 5.0
+    assert track.doubtful[late].mean() > 0.9
+    assert not ((off > 0.05) & ~track.doubtful & (off > 4 * np.linalg.norm(track.p_sd, axis=1)))[late].any()
+
+
+def test_magnetometers_that_were_never_calibrated_are_flagged(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    setup, readings = _made(both[0], raw=True)
+    assert tracking.tracked(PARAMS, setup, readings).doubtful[both[0].t > 5.0].mean() > 0.9
+
+
+def test_what_cannot_be_is_refused(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    _, setup, readings, _ = both
+    with pytest.raises(InputError, match="uT"):
+        tracking.tracked(PARAMS, setup, replace(readings, mag=readings.mag * 1e6))
+    with pytest.raises(InputError, match="on Earth"):
+        tracking.start(replace(setup, earth=1.0))
+    with pytest.raises(InputError, match="magnetometers were told"):
+        tracking.tracked(PARAMS, setup, replace(readings, mag=readings.mag[:, :3]))
+
+
+def test_the_signal_is_the_field_over_the_earths() -> None:
+    np.testing.assert_allclose(tracking.signal(np.array([[0, 0, 2 * EARTH], [EARTH, 0, 0]]), EARTH), [6.0206, 0.0], atol=1e-4)
