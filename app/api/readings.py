@@ -1,7 +1,7 @@
 """What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,11 @@ from app.report.change_words import row_words, tapping_words
 from app.report.changes import Changes
 from app.report.content import Task, asked
 from app.report.norms import norm_of
+from app.report.other_measures import norms_told, other_measures
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.tapping_section import DECIMALS as TAPPING_ROWS
 from app.report.units import DEG, reading
+from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
 from estimators.measures.figure import Figure
 from estimators.measures.range_of_motion import Range
@@ -36,6 +38,7 @@ def readings(
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
+        "others": _others(tasks, figures, protocols, language),
         "figures": [_told(f, language) for f in figures],
     }
 
@@ -118,6 +121,32 @@ def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | 
         }
         for r in range_rows(over_tasks(tasks), full, language)
     ]
+
+
+def _others(
+    tasks: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
+) -> list[dict[str, Any]]:
+    """Measures that have no card of their own, as the report has them, with the norms of their figures."""
+    kept: dict[tuple[str, str, float], list[Figure]] = {}
+    for row in figures:
+        kept.setdefault((row["task"], row["measure"], row.get("onset", 0.0)), []).append(_kept(row))
+    told = [
+        Task(
+            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get((t["task"], t["measure"], t["onset"]), ()))),
+            _title(t, protocols.get(t["task"]), language),
+            getattr(MEASURES.get(t["measure"]), "TITLE", t["measure"]),
+            None,
+        )
+        for t in tasks
+    ]
+    sections = other_measures(told, language)
+    return [{**s, "norms": norms_told(s, language)} for s in sections if s["rows"]]
+
+
+def _kept(row: Mapping[str, Any]) -> Figure:
+    """A figure from its kept row; what older rows lack is empty."""
+    known = {f.name: row[f.name] for f in fields(Figure) if row.get(f.name) is not None}
+    return Figure(**{**known, "value": np.nan if row["value"] is None else row["value"]})
 
 
 def _tapping(

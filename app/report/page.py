@@ -4,23 +4,21 @@ Everything is a string, a list or a dict of them; user's text stays as it was ty
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from app.language import Language
 from app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
-from app.report.range_rows import GRADES, asks_full_range, by_task
+from app.report.other_measures import other_measures
+from app.report.range_rows import asks_full_range, by_task
 from app.report.range_section import range_section
 from app.report.summary import outcome_words, summary
 from app.report.tables import data_checksum
 from app.report.tapping_section import TRIALS, tapping_section
 from app.report.trend_section import trend_section
-from app.report.units import DEG, reading, unit_words
-from app.report.words import grade_words, named, span_words
+from app.report.units import DEG, unit_words
 from estimators.calibration import SensorQuality
-from estimators.measures.figure import Figure
 
 Page = dict[str, Any]
 
@@ -47,7 +45,7 @@ def words_of(content: Content, language: Language) -> Page:
         "summary": summary(content, language),
         "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
         "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
-        "others": _others(content, language),
+        "others": other_measures(content.tasks, language),
         "further": [range_section(content, trials, language) for trials in further],
         "trends": [section for section in [trend_section(content, language)] if section],
         "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
@@ -103,56 +101,9 @@ def _day(content: Content, language: Language) -> str:
     return language.day(content.date) if content.date else language.say("no_date")
 
 
-def _others(content: Content, language: Language) -> list[Page]:
-    """Measures without a page of their own: figures by name, the trials of a task side by side."""
-    told: dict[tuple[str, str], list[Task]] = {}
-    for task in content.tasks:
-        if task.result.measure not in ("tapping", "range_of_motion"):
-            told.setdefault((task.result.measure, task.result.task), []).append(task)
-    return [_other(trials, language) for trials in told.values()]
-
-
-def _other(trials: Sequence[Task], language: Language) -> Page:
-    names = list(dict.fromkeys(f.name for t in trials for f in t.result.figures if not f.detail))
-    rows = [_other_row([f for t in trials for f in t.result.figures if f.name == name], language) for name in names]
-    return {
-        "title": language.heard(trials[0].measure_title),
-        "task": span_words(trials, language),
-        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
-        "rows": rows,
-        "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
-    }
-
-
-def _other_row(figures: Sequence[Figure], language: Language) -> list[Any]:
-    """Name, a value a trial, unit, the worst grade and its reason."""
-    worst = max(figures, key=lambda f: GRADES.index(f.grade))
-    unit = unit_words(reading(figures[0]).unit, language)
-    values = [_value(f, language) for f in figures]
-    reasons = dict.fromkeys(language.heard(words) for f in figures for words in (f.category, f.reason) if words)
-    return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
-
-
-def _value(figure: Figure, language: Language) -> str:
-    """ "12.3 ± 0.4" in the unit a person reads."""
-    read = reading(figure)
-    if not np.isfinite(read.value):
-        return language.say("not_measured")
-    decimals = 0 if figure.name.endswith("_count") else _decimals(read.value)
-    if figure.sd is None or not np.isfinite(figure.sd):
-        return language.number(read.value, decimals)
-    sd = abs(reading(replace(figure, value=figure.sd)).value)
-    return f"{language.number(read.value, decimals)} ± {language.number(sd, max(decimals, _decimals(sd) - 1))}"
-
-
 def _left_out(part: LeftOut, language: Language) -> list[str]:
     span = language.say("left_out.span", start=language.number(part.onset, 1), end=language.number(part.end, 1))
     return [language.heard(part.title), language.known(f"correction.{part.kind}", part.kind), span, part.reason]
-
-
-def _decimals(value: float) -> int:
-    """So that about three figures are seen."""
-    return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0
 
 
 def _warnings(content: Content, language: Language) -> list[str]:

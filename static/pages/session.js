@@ -5,6 +5,7 @@ import * as again from "../session/again.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
 import * as downloads from "../session/downloads.js";
+import * as measures from "../session/measures.js";
 import * as notes from "../session/notes.js";
 import * as progress from "../session/progress.js";
 import * as quality from "../session/quality.js";
@@ -61,6 +62,7 @@ function draw(root, api, about) {
     [ranges, place("stack")],
     [changes, place("stack")],
     [tapping, place("stack")],
+    [measures, place("stack")],
   ];
   const tasks = done ? [trials, compare].map((part) => [part, place()]) : [];
   const kept = [recordings, again].map((part) => [part, place()]);

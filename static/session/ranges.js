@@ -6,7 +6,7 @@ import { changesCaption } from "./changes.js";
 export function mount(root, api, { result }) {
   const tables = result.readings.ranges;
   root.append(...tables.map((told) => section(told, result.readings.changes)));
-  if (!tables.length && !result.readings.tapping.length)
+  if (!tables.length && !result.readings.tapping.length && !result.readings.others.length)
     root.append(h("div", { class: "card" }, h("p", { class: "empty" }, h("strong", {}, t("ranges.empty")), t("ranges.empty.next"))));
   return () => {};
 }

@@ -285,6 +285,11 @@ export default {
   "ranges.extension": "Extension",
   "ranges.sideways": "Sideways and turn",
   "ranges.signal": "Signal",
+  "measures.figure": "Figure",
+  "measures.unit": "Unit",
+  "measures.norm": "Others",
+  "measures.why": "Why this norm?",
+  "measures.source": "How it is measured",
   "ranges.caption":
     "Largest and smallest angles that were held. Thumb CMC: flexion is palmar abduction. abd. = abduction, add. = adduction; of a finger, away from and towards the middle finger.",
   "ranges.nothing": "No joint could be measured here: samples are missing or unusable.",

@@ -1,0 +1,88 @@
+"""Measures without a section of their own: figures by name, the trials of a task side by side, for reports and pages alike."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from app.language import Language
+from app.report.content import Task
+from app.report.norms import norm_of
+from app.report.range_rows import GRADES
+from app.report.units import reading, unit_words
+from app.report.words import grade_words, named, span_words
+from estimators.measures.figure import Figure
+
+Section = dict[str, Any]
+OWN = ("tapping", "range_of_motion")  # measures that have one
+
+
+def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
+    """A section a measure and task, in order of time."""
+    told: dict[tuple[str, str], list[Task]] = {}
+    for task in tasks:
+        if task.result.measure not in OWN:
+            told.setdefault((task.result.measure, task.result.task), []).append(task)
+    return [_section(trials, language) for trials in told.values()]
+
+
+def norms_told(section: Section, language: Language) -> list[dict[str, Any] | None]:
+    """Of each row of a section what others measured, in words, with who says so; None where nobody has."""
+    return [_norm(what, part, section["name"], language) for what, part in section["about"]]
+
+
+def _section(trials: Sequence[Task], language: Language) -> Section:
+    figures: dict[str, list[Figure]] = {}
+    for f in (f for t in trials for f in t.result.figures if not f.detail):
+        figures.setdefault(f.name, []).append(f)
+    return {
+        "name": trials[0].result.task,
+        "title": language.heard(trials[0].measure_title),
+        "task": span_words(trials, language),
+        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
+        "rows": [_row(each, language) for each in figures.values()],
+        "about": [(each[0].what, each[0].part) for each in figures.values()],
+        "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
+    }
+
+
+def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
+    """Name, a value a trial, unit, the worst grade and its reason."""
+    worst = max(figures, key=lambda f: GRADES.index(f.grade))
+    unit = unit_words(reading(figures[0]).unit, language)
+    values = [_value(f, language) for f in figures]
+    reasons = dict.fromkeys(language.heard(words) for f in figures for words in (f.category, f.reason) if words)
+    return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
+
+
+def _norm(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+    norm = norm_of(what, part, task)
+    if norm is None:
+        return None
+    spread = "" if norm.sd is None else f" ± {language.number(norm.sd, _decimals(norm.sd))}"
+    most = (
+        ""
+        if norm.low is None or norm.high is None
+        else f" ({language.number(norm.low, _decimals(norm.low))} – {language.number(norm.high, _decimals(norm.high))})"
+    )
+    value = language.number(norm.mean, max(_decimals(norm.mean), _decimals(norm.sd or 0)))
+    told = f"{value}{spread}{most} {unit_words(norm.unit, language)}".strip()
+    return {"told": told, "by": norm.source.name, "reference": norm.source.reference, "note": language.heard(norm.note)}
+
+
+def _value(figure: Figure, language: Language) -> str:
+    """ "12.3 ± 0.4" in the unit a person reads."""
+    read = reading(figure)
+    if not np.isfinite(read.value):
+        return language.say("not_measured")
+    decimals = 0 if figure.name.endswith("_count") else _decimals(read.value)
+    if figure.sd is None or not np.isfinite(figure.sd):
+        return language.number(read.value, decimals)
+    sd = abs(reading(replace(figure, value=figure.sd)).value)
+    return f"{language.number(read.value, decimals)} ± {language.number(sd, max(decimals, _decimals(sd) - 1))}"
+
+
+def _decimals(value: float) -> int:
+    """So that about three figures are seen."""
+    return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0

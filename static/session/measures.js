@@ -1,0 +1,41 @@
+/** All measures without a card of their own: figures by name, a column a trial, and what others measured; the words are the report's. */
+import { h } from "../dom.js";
+import { t } from "../words/words.js";
+
+export function mount(root, api, { result }) {
+  root.append(...result.readings.others.map(section));
+  return () => {};
+}
+
+function section(told) {
+  const normed = told.norms.some(Boolean);
+  const columns = [t("measures.figure"), ...told.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
+  const head = columns.filter(Boolean).map((word) => h("th", { scope: "col" }, word));
+  const rows = told.rows.map((row, k) => line(row, normed && (told.norms[k] ?? {})));
+  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+  return h(
+    "div",
+    { class: "card" },
+    h("h2", {}, told.title),
+    h("p", { class: "soft" }, told.task),
+    h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
+    h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
+  );
+}
+
+function line([name, values, unit, [grade, words], reason], norm) {
+  return h(
+    "tr",
+    {},
+    h("th", { scope: "row" }, name),
+    values.map((value) => h("td", { class: "number" }, value)),
+    h("td", {}, unit),
+    norm && h("td", {}, norm.told && [norm.told, why(norm)]),
+    h("td", {}, h("span", { class: `badge ${grade}` }, words), reason && h("div", { class: "hint" }, reason)),
+  );
+}
+
+function why(norm) {
+  const said = [norm.by, norm.reference, norm.note].filter(Boolean).join(". ");
+  return h("details", { class: "hint" }, h("summary", {}, t("measures.why")), h("p", {}, said));
+}
