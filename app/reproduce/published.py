@@ -59,3 +59,9 @@ KORTIER_TASKS: Mapping[str, float] = {
     "amplitude's range": 10.4,
     "consistency": 7.0,
 }
+
+# Kortier, thesis ch. 5 (5.3, 5.4): four magnetometers, RMS in mm and deg
+KORTIER_MAGNET: Mapping[str, Mapping[str, float]] = {
+    "hand": {"position": 19.6},
+    "both": {"position": 19.4, "relative": 2.3, "trunk": 8.6},
+}
