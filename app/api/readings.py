@@ -16,6 +16,7 @@ from app.report.other_measures import norms_told, other_measures
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.tapping_section import DECIMALS as TAPPING_ROWS
 from app.report.units import DEG, reading
+from app.report.words import figure_words
 from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
 from estimators.measures.figure import Figure
@@ -166,16 +167,17 @@ def _tapping(
                 "amplitudes_mm": [round(1e3 * a, 2) for a in t["amplitudes"]],
                 "grade": t["grade"],
                 "reason": language.heard(t["reason"]),
-                "figures": [_figure(f) for f in rows[k * each : (k + 1) * each]],
+                "figures": [_figure(f, language) for f in rows[k * each : (k + 1) * each]],
             }
         )
     return trials
 
 
-def _figure(row: Mapping[str, Any]) -> dict[str, Any]:
+def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
     value = np.nan if row["value"] is None else row["value"]
     read = reading(Figure(row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]))
-    return {"name": row["name"], "value": read.value if np.isfinite(read.value) else None, "unit": read.unit}
+    known = read.value if np.isfinite(read.value) else None
+    return {"name": row["name"], "label": figure_words(row["name"], language), "value": known, "unit": read.unit}
 
 
 def calibration_reading(told: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:

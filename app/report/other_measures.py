@@ -76,11 +76,11 @@ def _value(figure: Figure, language: Language) -> str:
     read = reading(figure)
     if not np.isfinite(read.value):
         return language.say("not_measured")
-    decimals = 0 if figure.name.endswith("_count") else _decimals(read.value)
-    if figure.sd is None or not np.isfinite(figure.sd):
-        return language.number(read.value, decimals)
+    if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
+        return language.number(read.value, 0 if figure.name.endswith("_count") else _decimals(read.value))
     sd = abs(reading(replace(figure, value=figure.sd)).value)
-    return f"{language.number(read.value, decimals)} ± {language.number(sd, max(decimals, _decimals(sd) - 1))}"
+    decimals = max(0, min(3, 1 - int(np.floor(np.log10(sd)))))  # two digits of the deviation say how many of the value mean anything
+    return f"{language.number(read.value, decimals)} ± {language.number(sd, decimals)}"
 
 
 def _decimals(value: float) -> int:

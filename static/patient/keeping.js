@@ -6,7 +6,7 @@ import { sendChange } from "./record.js";
 
 export function mount(root, api, { record, erased }) {
   const box = errorBox();
-  const archive = h("div", { class: "buttons" });
+  const archive = h("div", { class: "buttons spaced" });
   const put = async (archived) => {
     const done = await sendChange(record, api, { archived }, box, () => draw(""));
     if (done) draw(archived ? "keeping.archived" : "keeping.back");

@@ -41,8 +41,8 @@ function one(api, note) {
   function show(focus) {
     const change = button(t("notes.change"), edit);
     const remove = button(t("notes.remove"), () => send({ removed: true }).then(removed));
-    const when = h("span", { class: "soft small" }, dayAndTime(now.written));
-    draw(h("p", { class: "text" }, now.text), h("div", { class: "buttons" }, when, change, remove));
+    const when = h("div", { class: "soft small" }, dayAndTime(now.written));
+    draw(h("p", { class: "text" }, now.text), when, h("div", { class: "buttons" }, change, remove));
     if (focus) change.focus();
   }
 

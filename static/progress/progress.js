@@ -18,7 +18,8 @@ export function mount(root, api, { record }) {
   );
 
   function begin(told, titles) {
-    const hands = Object.keys(told.sessions).filter((hand) => told.sessions[hand].length > 1);
+    const repeated = (hand) => told.series.some((series) => (series.hands[hand]?.points.length ?? 0) > 1);
+    const hands = Object.keys(told.sessions).filter(repeated);
     if (!hands.length) {
       body.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("course.empty")), t("course.empty.next")));
       return;

@@ -15,6 +15,11 @@ export const DECIMALS = {
   closing_speed_mean: 0,
   decrement_slope: 2,
   decrement_ratio: 1,
+  fatigue50: 3,
+  angle_amplitude_mean: 1,
+  interruptions: 0,
+  freezes: 0,
+  longest_stop: 2,
 };
 const CHANGES = ["decrement_slope", "decrement_ratio"]; // read as smaller or larger, not as a sign
 
@@ -100,7 +105,7 @@ function markClosings(plot, closings) {
 const shortOf = (figure) => figure.name.replace("tapping_", "");
 
 function labelOf(figure) {
-  return known(`tapping.${shortOf(figure)}`, shortOf(figure).replaceAll("_", " "));
+  return known(`tapping.${shortOf(figure)}`, figure.label);
 }
 
 function valueOf(figure, trial) {
@@ -111,5 +116,5 @@ function valueOf(figure, trial) {
     const none = Number(figure.value.toFixed(digits)) === 0;
     return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
   }
-  return `${size} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit}`.trim();
+  return `${size} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit === "deg" ? "°" : figure.unit}`.trim();
 }

@@ -168,7 +168,7 @@ export default {
 
   "course.title": "Verlauf",
   "course.empty": "Noch nichts zu vergleichen",
-  "course.empty.next": "Der Verlauf erscheint ab der zweiten Sitzung derselben Hand.",
+  "course.empty.next": "Der Verlauf erscheint, sobald eine Aufgabe mit derselben Hand zweimal gemessen wurde.",
   "course.hand": "Hand",
   "course.task": "Aufgabe",
   "course.part": "Finger",

@@ -169,7 +169,7 @@ export default {
 
   "course.title": "Progress",
   "course.empty": "Nothing to compare yet",
-  "course.empty.next": "Progress appears from the second session of the same hand on.",
+  "course.empty.next": "Progress appears when a task was measured twice with the same hand.",
   "course.hand": "Hand",
   "course.task": "Task",
   "course.part": "Finger",
