@@ -48,3 +48,7 @@ class Calibration:
         if self.q_BS_covariance is not None:
             return self.q_BS_covariance
         return np.diag(np.concatenate([np.zeros(0), *self.q_BS_sd.values()]) ** 2)
+
+    p_BS: Mapping[str, Array] = field(default_factory=dict)  # (3,) m, where a sensor sits in its segment's frame, where the method finds it
+    acc_bias: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2, where the method finds it
+    lengths_sd: Mapping[str, float] = field(default_factory=dict)  # m, of the geometry's lengths that the method found

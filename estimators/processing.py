@@ -45,8 +45,11 @@ def process(
     told_scales = _limits_known(recording)
     if scales := full_scales.found(_whole(recording)):
         recording = full_scales.Scaled(recording, scales)
-    calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
-    moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
+    if hasattr(method, "solve"):
+        moved, calibrations, warnings = method.solve(params, recording, progress)
+    else:
+        calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
+        moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
     findings = findings_of(recording, calibrations)
     if method.NEEDS_POSE:
         flag_guesses(moved, calibrations)

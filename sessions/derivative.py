@@ -36,15 +36,24 @@ def tree(processed: Processed, recording: LoadedRecording, method: str, params: 
 def calibration_table(c: Calibration) -> dict[str, Any]:
     """What the method used or estimated, SI."""
     mounting = {
-        s: {"q_BS": _plain(q), "p_BS": None, **({"sd": _plain(c.q_BS_sd[s])} if s in c.q_BS_sd else {})} for s, q in c.q_BS.items()
+        s: {
+            "q_BS": _plain(q),
+            "p_BS": _plain(c.p_BS[s]) if s in c.p_BS else None,
+            **({"sd": _plain(c.q_BS_sd[s])} if s in c.q_BS_sd else {}),
+        }
+        for s, q in c.q_BS.items()
     }  # sd: rad about the segment's x, y, z
     return {
         "source": c.source,
-        "segment_lengths": {s: {"value": length} for s, length in c.geometry.lengths.items() if s not in ("forearm", "hand")},
+        "segment_lengths": {
+            s: {"value": length, **({"sd": c.lengths_sd[s]} if s in c.lengths_sd else {})}
+            for s, length in c.geometry.lengths.items()
+            if s not in ("forearm", "hand")
+        },
         "palm_length": {"value": c.geometry.palm_length},
         "sensor_to_segment": mounting,
         "gyr_bias": {s: _plain(b) for s, b in c.gyr_bias.items()},
-        "acc_bias": {},
+        "acc_bias": {s: _plain(b) for s, b in c.acc_bias.items()},
         "quality": {s: asdict(q) for s, q in c.quality.items()},
         "steps": {step: dict(quality) for step, quality in c.steps.items()},
         "warnings": list(c.warnings),

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from app.options import help_text, parse, with_options
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
-from estimators.methods import METHODS
+from estimators.methods import BATCH, METHODS
 from estimators.processing import Processed, process
 from sessions import formats
 from sessions.recording import LoadedRecording
@@ -30,12 +30,14 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 
 
 def add_method(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--method", default="m2", metavar="NAME", help=f"one of {', '.join(METHODS)} (default m2)")
+    parser.add_argument("--method", default="m2", metavar="NAME", help=f"one of {', '.join({**METHODS, **BATCH})} (default m2)")
     parser.add_argument(
         "--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the method, see below; may be repeated"
     )
     parser.add_argument("--calibration", type=Path, metavar="RECORDING", help="take the calibration events from another recording")
-    parser.epilog = "methods and their options:\n" + "\n".join(f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in METHODS.items())
+    parser.epilog = "methods and their options:\n" + "\n".join(
+        f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in {**METHODS, **BATCH}.items()
+    )
 
 
 def seed(word: str) -> int:
@@ -47,9 +49,10 @@ def seed(word: str) -> int:
 
 def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
     """The method named and its parameters."""
-    if arguments.method not in METHODS:
-        raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(METHODS)}")
-    module = METHODS[arguments.method]
+    methods = {**METHODS, **BATCH}
+    if arguments.method not in methods:
+        raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(methods)}")
+    module = methods[arguments.method]
     return module, with_options(module.Params, parse(arguments.option))
 
 

@@ -19,6 +19,7 @@ REPRODUCTIONS = {
     "mechanical-finger": "one joint after the other to 90 deg and back (Valtin 2017, Fig. 4)",
     "kortier2": "fingertip, pinch, fastest movement and repeatability (Kortier's thesis, ch. 2)",
     "kortier3": "fifteen finger tasks after functional calibration (Kortier's thesis, ch. 3)",
+    "kortier4": "lengths, places of sensors and biases of an artificial finger from free movement (Kortier's thesis, ch. 4)",
     "kortier5": "the hand followed by a magnet (Kortier's thesis, ch. 5)",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",

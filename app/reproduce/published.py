@@ -59,6 +59,16 @@ KORTIER_TASKS: Mapping[str, float] = {
     "amplitude's range": 10.4,
     "consistency": 7.0,
 }
+# Kortier's thesis, ch. 4: error of distances and lengths, mean and SD of 15 trials, %; gyroscopes' biases
+KORTIER_FINGER: Mapping[str, tuple[float, float]] = {
+    "distance, hand": (0.8, 2.0),
+    "distance, proximal": (-0.4, 7.0),
+    "distance, middle": (0.0, 4.3),
+    "distance, distal": (-1.4, 3.4),
+    "length, proximal": (-1.7, 4.8),
+    "length, middle": (0.8, 4.1),
+    "gyr bias": (-2.1, 22.4),
+}
 
 # Kortier, thesis ch. 5 (5.3, 5.4): four magnetometers, RMS in mm and deg
 KORTIER_MAGNET: Mapping[str, Mapping[str, float]] = {

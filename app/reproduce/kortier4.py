@@ -1,0 +1,163 @@
+"""The artificial finger of Kortier's thesis, chapter 4: lengths, sensors' places and biases from 40 s of movement, nothing known before."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.report.units import DEG
+from app.reproduce import Wanted, published
+from app.reproduce.finding import Finding, Row, Table, Verdict, spread
+from estimators import quaternions as quat
+from estimators.hand_anatomy import SEGMENT, side_sign
+from estimators.quaternions import Array
+from estimators.self_calibration import first_guess, recordings, segments, solver
+from estimators.self_calibration.problem import Noise, chain, posed
+from estimators.self_calibration.segments import Segments
+from estimators.self_calibration.solver import Solution
+from estimators.simulation import artificial_finger
+from estimators.simulation.artificial_finger import DISTANCES, HINGES, SEGMENTS
+from estimators.simulation.scenario import Simulated
+from estimators.simulation.sensors import IDEAL, SensorErrors
+
+DURATION, TRIALS = 40.0, 15
+HINGED = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
+WHITE = replace(IDEAL, gyr_noise=SensorErrors().gyr_noise, acc_noise=SensorErrors().acc_noise, gyr_bias=0.5, acc_bias=0.05)
+CONDITIONS = {
+    "white noise": WHITE,
+    "skin motion": replace(WHITE, skin_angle=2.0, skin_shift=1.0, misalignment=7.5, misalignment_width=2.5),
+    "all errors": SensorErrors(),
+}
+PLACES = ("hand", "proximal", "middle", "distal")
+MM = 1e3  # in a m
+
+
+@dataclass(frozen=True)
+class Trial:
+    condition: str  # of CONDITIONS
+    seed: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """One trial."""
+
+    converged: bool
+    percent: dict[str, float]  # errors of distances and lengths
+    sds: dict[str, float]  # errors of lengths in the standard deviations that were given with them
+    gyr_bias: float  # % of all axes, RMS error of RMS bias
+    seats: float  # deg, of proximal and middle sensor, the larger
+    tip: float  # mm, RMS error of the distance from the board's to the last sensor
+    seconds: float  # of the processor
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    return [Trial(condition, seed) for condition in CONDITIONS for seed in range(min(wanted.seeds, TRIALS))]
+
+
+def measure(trial: Trial) -> Found:
+    """One recording, calibrated from a cold start."""
+    made = artificial_finger.recorded(np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION)
+    began = time.process_time()
+    _, read = recordings.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
+    guess = first_guess.unknowns(HINGED, Noise(), read)
+    found = solver.learnt(posed(HINGED, Noise(), read, guess.q_GS[0]), guess)
+    seconds = time.process_time() - began
+    told = segments.of_solution(found, made.hand, made.mounting)
+    at = found.at
+    distances = np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)
+    percent = {f"distance, {p}": 100 * (d / true - 1) for p, d, true in zip(PLACES, distances, DISTANCES)}
+    lengths = {s.removeprefix("index_"): told.lengths[s] for s in SEGMENTS[1:3]}
+    percent |= {f"length, {name}": 100 * (length / HINGES - 1) for name, length in lengths.items()}
+    sds = {name: (length - HINGES) / told.lengths_sd[f"index_{name}"] for name, length in lengths.items()}
+    true_bias = made.sensors.bias[:, :3]
+    bias = 100 * float(np.sqrt(np.mean((at.bias_gyr - true_bias) ** 2) / np.mean(true_bias**2)))
+    return Found(found.outcome == "converged", percent, sds, bias, _seats(made, told), _tip(made, found), seconds)
+
+
+def _seats(made: Simulated, told: Segments) -> float:
+    """Error of the sensors whose whole orientation movement tells, deg; truth of the straight finger."""
+    off = [quat.angle(quat.relative(made.sensors.q_BS[k], told.q_BS[SEGMENTS[k]])) for k in (1, 2)]
+    return float(DEG * max(off))
+
+
+def _tip(made: Simulated, found: Solution) -> float:
+    """The distance between the first and the last sensor, at every sample, against the truth; mm RMS."""
+    at, links = found.at, found.problem.chain
+    path = np.zeros((len(at.q_GS), 3))
+    for k, (i, j) in enumerate(zip(links.parents, links.children)):
+        path += quat.rotate(at.q_GS[:, i], at.far[k]) - quat.rotate(at.q_GS[:, j], at.near[k])
+    ours = np.linalg.norm(path, axis=1)
+    return float(MM * np.sqrt(np.mean((ours - _true_distance(made)) ** 2)))
+
+
+def _true_distance(made: Simulated) -> Array:
+    """From the first to the last sensor (n,), straight places on the true segments, m: a slide of the skin is an error."""
+    q = [made.truth.q_GS[:, SEGMENT[s]] for s in SEGMENTS]
+    bone = side_sign(made.hand) * np.array([0.0, HINGES, 0.0])
+    geometry = artificial_finger.printed(made.hand)
+    knuckle = np.array(geometry.joint_positions["index_mcp"]) - np.array(geometry.joint_positions["middle_mcp"])
+    p = made.sensors.p_BS
+    path = quat.rotate(q[0], knuckle - p[0]) + quat.rotate(q[1], bone) + quat.rotate(q[2], bone) + quat.rotate(q[3], bone + p[3])
+    return np.asarray(np.linalg.norm(path, axis=1))
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    by = {c: [f for trial, f in results if trial.condition == c] for c in CONDITIONS}
+    names = tuple(next(iter(by.values()))[0].percent)
+    errors = tuple(
+        Row(name, {c: spread(f.percent[name] for f in by[c]) for c in by}, dict.fromkeys(by, published.KORTIER_FINGER[name][0]))
+        for name in names
+    )
+    others = tuple(
+        Row(label, {c: spread(getattr(f, key) for f in by[c]) for c in by}, dict.fromkeys(by, theirs) if theirs else {})
+        for label, key, theirs in (
+            ("gyroscopes' biases, RMS error, %", "gyr_bias", published.KORTIER_FINGER["gyr bias"][1]),
+            ("sensors' orientation, proximal and middle, deg", "seats", 0.0),
+            ("distance from the board's to the last sensor, RMS error, mm", "tip", 0.0),
+            ("processor's time, s", "seconds", 0.0),
+        )
+    )
+    tables = (
+        Table(
+            "Distances of sensors to their hinges and lengths of phalanges: error, %; the thesis' means",
+            tuple(CONDITIONS),
+            errors,
+            "",
+            "figure",
+            2,
+            "trials",
+        ),
+        Table("What else was found", tuple(CONDITIONS), others, "", "figure", 2, "trials"),
+    )
+    white, skin = by["white noise"], by["skin motion"]
+    worst = max(abs(f.percent[n]) for f in white for n in names if n.startswith("length"))
+    means = max(abs(float(np.mean([f.percent[n] for f in skin]))) for n in names)
+    sds = max(float(np.std([f.percent[n] for f in skin], ddof=1)) if len(skin) > 1 else 0.0 for n in names)
+    target = "target of self-calibration"
+    verdicts = (
+        Verdict("white noise: largest error of a length", worst, 0.2, "%", target),
+        Verdict("skin motion: largest mean error of a distance or length", means, 2.0, "%", target),
+        Verdict("skin motion: largest standard deviation of one", sds, 4.0, "%", target),
+        Verdict("skin motion: largest error of a sensor's orientation", max(f.seats for f in skin), 2.0, "deg", target),
+        Verdict("skin motion: largest RMS error of the gyroscopes' biases", max(f.gyr_bias for f in skin), 10.0, "%", target),
+        Verdict("skin motion: distance to the last sensor", max(f.tip for f in skin), 2.0, "mm RMS", target),
+        Verdict("processor's time for 40 s", max(f.seconds for f in skin), 20.0, "s", target),
+    )
+    remarks = (
+        *(f"{c}: {sum(f.converged for f in by[c])} of {len(by[c])} trials converged from a cold start." for c in by),
+        *(
+            f"{c}: errors of lengths are {np.sqrt(np.mean([v**2 for f in by[c] for v in f.sds.values()])):.1f} of their standard deviations (RMS; 1 = honest)."
+            for c in by
+        ),
+    )
+    return Finding("kortier4", "Self-calibration of the artificial finger (Kortier, thesis ch. 4)", _setting(), tables, verdicts, remarks)
+
+
+def _setting() -> tuple[str, ...]:
+    return (
+        "Beside ours: 15 trials with a printed finger, Kortier's thesis, ch. 4. Distances there are uncertain by what a ruler tells.",
+        "Simulated: estimators/simulation/artificial_finger.py; hinges 30 mm apart, sensors at 75, 18, 19 and 24 mm, 40 s at 100 Hz. White noise: that of an MPU-9250 and constant"
+        " biases of 0.5 deg/s and 0.05 m/s^2; skin motion: with it 2 deg and up to 1 mm for 90 deg of flexion, sensors 5 to 10 deg askew; all errors: as in the other experiments.",
+    )

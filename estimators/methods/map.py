@@ -1,0 +1,250 @@
+"""MAP: the hand calibrates itself from a stretch of free movement; lengths, seats of sensors, biases and the movement are found at once.
+
+In      inertial samples of the hand and of fingers of which at least the first phalanx has a sensor; no pose, no magnetometer
+Out     Calibration (seats, biases, lengths) at the stretch's beginning; Trajectory: the stretch as it was found, the rest tracked as `m2` does from there
+Source  Kortier, thesis ch. 4; estimators/self_calibration
+Limits  one finger after the other, each with the hand. How the hand's sensor and the last phalanges' sit about a finger's axis is told by no movement: there
+        the nominal mounting holds, so the zero of the MCP and DIP joints' flexion is as good as the mounting; last phalanges' lengths by ratio
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from estimators import forward_kinematics, initial_pose, joint_angles, salchow, trajectory
+from estimators import quaternions as quat
+from estimators.calibration import Calibration
+from estimators.errors import InputError
+from estimators.finding import whole_streams
+from estimators.hand_anatomy import CHAINS, SEGMENT, SEGMENTS, side_sign
+from estimators.hand_geometry import HandGeometry, root_joint
+from estimators.methods import m2
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.run import run
+from estimators.samples import Block, Recording
+from estimators.self_calibration import first_guess, recordings, segments, solver
+from estimators.self_calibration.problem import Noise, Readings, chain, posed
+from estimators.self_calibration.segments import Segments
+from estimators.self_calibration.solver import Limits, Solution
+from estimators.trajectory import Trajectory
+
+TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
+NEEDS_POSE = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(salchow.Params, Noise):
+    longest: float = option(
+        60.0, "s", "longest stretch that is calibrated from: the one with most movement", "ours: the thesis' 40 s and some more", least=5.0
+    )
+    shortest: float = option(
+        10.0, "s", "shortest stretch of free movement that may calibrate", "ours: below, lengths are not known within 2 %", least=3.0
+    )
+    moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
+    bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
+    length_known: float = option(
+        0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
+    )
+
+
+@dataclass(frozen=True)
+class Finger:
+    """What one finger was found to be."""
+
+    name: str
+    t: Array  # (n,) s
+    solution: Solution
+    segments: Segments
+
+
+def solve(
+    params: Params, recording: Recording, progress: Callable[[float], None] = lambda share: None
+) -> tuple[Trajectory, list[Calibration], list[str]]:
+    """The whole recording. InputError where nothing moved, or no finger has sensors that hang together with the hand's."""
+    blocks = [b for b in whole_streams(list(recording.blocks())) if b.stream.inertial and len(b.t)]
+    worn = {name for b in blocks for name in b.stream.sensors}
+    if "hand" not in worn:
+        raise InputError("the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose")
+    start, stop = _stretch(params, recording, blocks)
+    fingers, said = [], []
+    wanted = [f for f in CHAINS if CHAINS[f][0] in worn]
+    for k, name in enumerate(wanted):
+        try:
+            finger = _calibrated(params, recording, blocks, name, start, stop, lambda share, k=k: progress((k + share) / len(wanted)))  # type: ignore[misc]
+        except InputError as problem:
+            said.append(str(problem))
+            continue
+        fingers.append(finger)
+        said += _told(params, finger)
+    if not fingers:
+        raise InputError(said[0] if said else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges")
+    calibration = _joined(params, recording, fingers, worn)
+    tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
+    return _with_found(tracked, calibration.geometry, fingers), [calibration], said
+
+
+def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float]:
+    """When the hand moved freely: what an event says, else all; of that the liveliest part."""
+    said = [e for e in recording.events if e.trial_type == "free_movement"]
+    start, stop = max(b.t[0] for b in blocks), min(b.t[-1] for b in blocks)
+    if said:
+        longest = max(said, key=lambda e: e.duration)
+        start, stop = max(start, longest.onset), min(stop, longest.end)
+    _require_length(params, stop - start, "")
+    start, stop = recordings.gapless(blocks, start, stop)
+    _require_length(params, stop - start, " between gaps in the samples")
+    return recordings.liveliest(blocks, start, stop, params.longest)
+
+
+def _require_length(params: Params, duration: float, where: str) -> None:
+    if duration < params.shortest:
+        raise InputError(
+            f"there are {max(duration, 0.0):.1f} s of movement{where}, self-calibration needs {params.shortest:g} s, better 40 s; move hand and fingers freely for longer"
+        )
+
+
+def _calibrated(
+    params: Params, recording: Recording, blocks: Sequence[Block], finger: str, start: float, stop: float, progress: Callable[[float], None]
+) -> Finger:
+    worn = {name for b in blocks for name in b.stream.sensors}
+    links = chain([s for s in ("hand", *CHAINS[finger]) if s in worn])
+    noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
+    try:
+        t, read = recordings.readings(blocks, links.sensors, start, stop)
+    except LookupError as silent:
+        raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; this finger is not calibrated") from None
+    _require_movement(params, finger, read)
+    guess = first_guess.unknowns(links, noise, read)
+    found = solver.learnt(posed(links, noise, read, guess.q_GS[0]), guess, Limits(), lambda k, cost: _heard(progress, min(0.95, k / 20)))
+    return Finger(finger, t, found, segments.of_solution(found, recording.hand, recording.mounting))
+
+
+def _heard(progress: Callable[[float], None], share: float) -> bool:
+    progress(share)
+    return True
+
+
+def _require_movement(params: Params, finger: str, read: Readings) -> None:
+    turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
+    if turning < params.moving:
+        raise InputError(
+            f"{finger}: it turned at {turning:.0f} deg/s on average ({params.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
+        )
+
+
+def _told(params: Params, finger: Finger) -> list[str]:
+    """What a person should know of the result."""
+    found, said = finger.solution, []
+    if found.outcome != "converged":
+        said.append(f"{finger.name}: the calibration did not converge; do not trust it, record 40 s of free movement again")
+    links = found.problem.chain
+    for k, joint in enumerate(links.joints):
+        extent = float(np.degrees(np.ptp(np.percentile(found.problem.bent[:, k], [1, 99]))))
+        if extent < params.bent:
+            said.append(
+                f"{joint} was bent by {extent:.0f} deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
+            )
+    for segment, length in finger.segments.lengths.items():
+        if not _known(params, finger, segment):
+            sd = finger.segments.lengths_sd[segment]
+            said.append(
+                f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
+            )
+    return said
+
+
+def _known(params: Params, finger: Finger, segment: str) -> bool:
+    length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
+    joints = finger.solution.problem.chain.joints
+    beside = [k for k, j in enumerate(joints) if segment in (_parent(finger, k), _child(finger, k))]
+    bent = all(np.ptp(np.percentile(finger.solution.problem.bent[:, k], [1, 99])) >= np.radians(params.bent) for k in beside)
+    return finger.solution.outcome == "converged" and sd < params.length_known * length and bent
+
+
+def _parent(finger: Finger, k: int) -> str:
+    """The segment before joint k."""
+    links = finger.solution.problem.chain
+    return str(links.sensors[links.parents[k]])
+
+
+def _child(finger: Finger, k: int) -> str:
+    """The segment behind joint k."""
+    links = finger.solution.problem.chain
+    return str(links.sensors[links.children[k]])
+
+
+def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], worn: set[str]) -> Calibration:
+    """One calibration of all fingers: they share the hand's orientation, that of the first."""
+    first = fingers[0]
+    known = initial_pose.uncalibrated(
+        recording.hand, recording.geometry, recording.mounting, sorted(worn & set(SEGMENTS)), float(first.t[0])
+    )
+    q_GS, q_BS, bias = dict(known.q_GS), dict(known.q_BS), dict(known.gyr_bias)
+    for finger in fingers:
+        at, sensors = finger.solution.at, finger.solution.problem.chain.sensors
+        onto = quat.multiply(first.solution.at.q_GS[0, 0], quat.conjugate(at.q_GS[0, 0]))
+        for s, name in enumerate(sensors):
+            if name != "hand" or finger is first:
+                q_GS[name], bias[name] = quat.multiply(onto, at.q_GS[0, s]), at.bias_gyr[s]
+        q_BS |= finger.segments.q_BS
+    geometry = _resized(params, recording.geometry, fingers)
+    return replace(
+        known,
+        q_GS=q_GS,
+        q_BS=q_BS,
+        gyr_bias=bias,
+        geometry=geometry,
+        source="self-calibration",
+        warnings=(),
+        p_BS={name: p for f in reversed(fingers) for name, p in _places(f, geometry).items()},
+        acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
+        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if _known(params, f, s)},
+    )
+
+
+def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
+    """Where the sensors sit from their segments' origins: the hand's is MCP 3, a last phalanx' the end of its bone."""
+    found, ends = dict(finger.segments.p_BS), np.array(geometry.joint_positions[root_joint(finger.name)])
+    last = finger.solution.problem.chain.sensors[-1]
+    found["hand"] = found["hand"] + ends - np.array(geometry.joint_positions["middle_mcp"])
+    found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, geometry.lengths[last], 0.0])
+    return found
+
+
+def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
+    """Lengths that were found; a last phalanx grows as its finger did."""
+    lengths = dict(geometry.lengths)
+    for finger in fingers:
+        known = {s: v for s, v in finger.segments.lengths.items() if _known(params, finger, s)}
+        if known:
+            lengths[CHAINS[finger.name][-1]] *= sum(known.values()) / sum(geometry.lengths[s] for s in known)
+        lengths |= known
+    return replace(geometry, lengths=lengths)
+
+
+def _with_found(tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[Finger]) -> Trajectory:
+    """The tracked movement with the stretch as self-calibration found it, fingers on the hand's tracked orientation."""
+    q_GS, t = tracked.q_GS.copy(), tracked.t
+    start, stop = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
+    inside = (t >= start) & (t <= stop)
+    hand = q_GS[inside, SEGMENT["hand"]]
+    for finger in fingers:
+        for name, q_GB in finger.segments.q_GB.items():
+            if name != "hand":
+                on_hand = quat.relative(finger.segments.q_GB["hand"], q_GB)
+                q_GS[inside, SEGMENT[name]] = quat.multiply(hand, _at(t[inside], finger.t, on_hand))
+    angles = tracked.angles.copy()
+    free = joint_angles.constrained(joint_angles.of_segments(q_GS[inside]))
+    angles[inside] = joint_angles.only_freedoms(free)
+    tips = tracked.tips.copy()
+    tips[inside] = forward_kinematics.tips(joint_angles.compose(free), geometry)
+    return replace(tracked, q_GS=q_GS, angles=angles, tips=tips)
+
+
+def _at(t: Array, known: Array, q: Array) -> Array:
+    """Orientations between those of `known` instants."""
+    k = np.clip(np.searchsorted(known, t, side="right") - 1, 0, len(known) - 2)
+    weight = np.clip((t - known[k]) / (known[k + 1] - known[k]), 0.0, 1.0)
+    return quat.slerp(q[k], q[k + 1], weight)

@@ -1,0 +1,84 @@
+"""From a recording's streams to even readings of the sensors of one finger and the hand.
+
+In      whole inertial streams, a stretch of time
+Out     Readings at about 100 Hz; what is missing or at its limit is bridged and said to be doubtful
+Limits  streams with clocks of their own are brought to the hand's samples by straight lines
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block, every
+from estimators.self_calibration.problem import Readings
+
+RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
+DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
+LONGEST_GAP = 0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
+LIVELY = 1.0  # s over which movement is summed up
+
+
+def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
+    """Times (n,) and readings of these sensors between two instants, s."""
+    where = {name: (b, k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
+    reference = where[sensors[0]][0].between(start, stop).t
+    period = float(np.median(np.diff(reference)))
+    grid = reference[0] + period * np.arange(round((reference[-1] - reference[0]) / period) + 1)
+    values, doubts = zip(*(_even(where[s][0], where[s][1], grid) for s in sensors))
+    each = max(1, round(1 / period / RATE))
+    n = len(grid) // each * each
+    t, v, d = (x[:n].reshape(n // each, each, *x.shape[1:]).mean(axis=1) for x in (grid, np.stack(values, 1), np.stack(doubts, 1)))
+    share = 1 / np.sqrt(each)
+    return t, Readings(each * period, v[..., :3], v[..., 3:], np.maximum(share, d[..., 0]), np.maximum(share, d[..., 1]))
+
+
+def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
+    """The longest part of a stretch in which no sensor misses samples for longer than LONGEST_GAP; sensors that give less than half do not count."""
+    edges = [start]
+    holes: list[tuple[float, float]] = []
+    for block in (b.between(start, stop) for b in blocks if b.stream.inertial):
+        for k in range(len(block.stream.sensors)):
+            t = block.t[every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))]
+            if len(t) > 0.5 * (stop - start) * block.stream.rate:
+                wide = np.flatnonzero(np.diff(t) > LONGEST_GAP)
+                holes += [(float(t[i]), float(t[i + 1])) for i in wide]
+    best = (start, start)
+    for hole in (*sorted(holes), (stop, stop)):
+        if hole[0] - edges[-1] > best[1] - best[0]:
+            best = (edges[-1], hole[0])
+        edges.append(max(edges[-1], hole[1]))
+    return best
+
+
+def liveliest(blocks: Sequence[Block], start: float, stop: float, longest: float) -> tuple[float, float]:
+    """The stretch of at most `longest` s with most turning."""
+    if stop - start <= longest:
+        return start, stop
+    edges = np.arange(start, stop, LIVELY)
+    moved = np.zeros(len(edges))
+    for block in (b for b in blocks if b.stream.inertial):
+        size = np.nan_to_num(np.linalg.norm(block.of(GYR), axis=2)).mean(axis=1)
+        place = np.floor((block.t - start) / LIVELY).astype(int)
+        inside = (place >= 0) & (place < len(edges))
+        moved += np.bincount(place[inside], size[inside], minlength=len(edges)) / block.stream.rate
+    sums = np.convolve(moved, np.ones(int(longest / LIVELY)), "valid")
+    first = float(edges[int(np.argmax(sums))])
+    return first, first + longest
+
+
+def _even(block: Block, k: int, grid: Array) -> tuple[Array, Array]:
+    """Readings (n, 6) of one sensor on the grid, and factors of doubt of gyroscope and accelerometer (n, 2)."""
+    values, doubts = np.empty((len(grid), 6)), np.ones((len(grid), 2))
+    for q, quantity in enumerate((GYR, ACC)):
+        sampled = block.of(quantity)[:, k]
+        sound = every(np.isfinite(sampled)) & ~block.at_limit(quantity)[:, k]
+        if sound.sum() < 0.5 * len(sound):
+            raise LookupError(block.stream.sensors[k])
+        t, known = block.t[sound], sampled[sound]
+        for axis in range(3):
+            values[:, 3 * q + axis] = np.interp(grid, t, known[:, axis])
+        behind = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+        beside = np.maximum(np.abs(t[behind] - grid), np.abs(grid - t[behind - 1]))
+        doubts[beside > 1.5 / block.stream.rate, q] = DOUBTFUL
+    return values, doubts

@@ -1,0 +1,88 @@
+"""From arms and axes in the sensors' frames to what others use: how each sensor sits on its segment, where, and how long the segments are.
+
+In      a Solution of one finger (the root is the hand), the nominal mounting
+Out     Segments: q_BS, p_BS, lengths with standard deviations, orientations of the segments
+Source  frames: docs/conventions.md; z along the hinge's axis, y along the bone (near joint to far one); Kortier, thesis (4.2), (4.3)
+Limits  no movement tells how the hand's sensor and the last phalanx' sit about what no joint shows (4.14): there the nominal mounting speaks
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import Hand, side_sign
+from estimators.quaternions import Array
+from estimators.self_calibration.problem import Chain, Unknowns, columns
+from estimators.self_calibration.solver import Solution
+
+Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Segments:
+    """By segment name."""
+
+    q_BS: Mapping[str, Array]  # (4,) straight hand
+    p_BS: Mapping[str, Array]  # (3,) m from the segment's distal joint; the last phalanx: from its only one
+    lengths: Mapping[str, float]  # m, of segments between two joints
+    lengths_sd: Mapping[str, float]
+    q_GB: Mapping[str, Array]  # (n, 4)
+
+
+def of_solution(found: Solution, hand: Hand, mounting: Mapping[str, Array]) -> Segments:
+    """The segments of the chain."""
+    at, chain, q_BS, p_BS, lengths, sds = found.at, found.problem.chain, {}, {}, {}, {}
+    for s, name in enumerate(chain.sensors):
+        near, far = _arms(chain, at, s)
+        nominal = quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float))
+        q_BS[name] = _seat(at, chain, s, side_sign(hand), nominal)
+        end = far if far is not None else near
+        p_BS[name] = quat.rotate(q_BS[name], -end) if end is not None else np.zeros(3)
+        if near is not None and far is not None:
+            lengths[name] = float(np.linalg.norm(far - near))
+            sds[name] = _length_sd(found, s)
+    return Segments(q_BS, p_BS, lengths, sds, {name: _turned(found, s, q_BS[name]) for s, name in enumerate(chain.sensors)})
+
+
+def _arms(chain: Chain, at: Unknowns, s: int) -> tuple[Array | None, Array | None]:
+    """From a sensor to the joint before its segment and to the one behind it, where there is just one."""
+    before, after = np.flatnonzero(chain.children == s), np.flatnonzero(chain.parents == s)
+    return at.near[before[0]] if len(before) else None, at.far[after[0]] if len(after) == 1 else None
+
+
+def _seat(at: Unknowns, chain: Chain, s: int, sign: float, nominal: Array) -> Array:
+    """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; what is not told as nominal."""
+    near, far = _arms(chain, at, s)
+    own = [at.axis_near[h] for h, j in enumerate(chain.hinges) if chain.children[j] == s]
+    own += [at.axis_far[h] for h, j in enumerate(chain.hinges) if chain.parents[j] == s]
+    if not own or near is None:
+        return nominal
+    expected = quat.rotate(quat.conjugate(nominal), Z)
+    z = np.sum([a * np.sign(a @ expected) for a in own], axis=0)
+    z /= np.linalg.norm(z)
+    y = sign * (far - near) if far is not None else quat.rotate(quat.conjugate(nominal), Y)
+    y = y - (y @ z) * z
+    y /= np.linalg.norm(y)
+    return quat.conjugate(quat.from_matrix(np.column_stack([np.cross(y, z), y, z])))
+
+
+def _length_sd(found: Solution, s: int) -> float:
+    chain, at, c = found.problem.chain, found.at, columns(found.problem.chain)
+    b, a = int(np.flatnonzero(chain.children == s)[0]), int(np.flatnonzero(chain.parents == s)[0])
+    along = at.far[a] - at.near[b]
+    along = along / np.linalg.norm(along)
+    slope = np.zeros(c.count)
+    slope[c.far][3 * a : 3 * a + 3], slope[c.near][3 * b : 3 * b + 3] = along, -along
+    return float(np.sqrt(slope @ found.factor.covariance @ slope))
+
+
+def _turned(found: Solution, s: int, q_BS: Array) -> Array:
+    """Orientation of a sensor's segment (n, 4), what its skin does taken off."""
+    before = np.flatnonzero(found.problem.chain.children == s)
+    q_GS = found.at.q_GS[:, s]
+    if len(before):
+        m = before[0]
+        q_GS = quat.multiply(q_GS, quat.exp(-found.problem.bent[:, m, None] * found.at.skin_turn[m]))
+    return quat.multiply(q_GS, quat.conjugate(q_BS))

@@ -1,0 +1,105 @@
+"""Self-calibration as a method: through `process`, as a user meets it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators.errors import InputError
+from estimators.hand_anatomy import FLEXION, JOINT
+from estimators.methods import BATCH
+from estimators.options import describe
+from estimators.processing import Processed, process
+from estimators.samples import Block, Event
+from estimators.simulation import artificial_finger
+from estimators.simulation.artificial_finger import SEGMENTS
+from estimators.simulation.scenario import Simulated
+from tests.estimators.self_calibration.fingers import recorded
+
+DEG = np.pi / 180
+METHOD = BATCH["map"]
+
+
+def _with(recording: Simulated, values: np.ndarray, start: float = 0.0, stop: float = np.inf) -> Simulated:
+    block = recording.samples["imu"]
+    return replace(recording, samples={"imu": Block(block.stream, block.t, values).between(start, stop)})
+
+
+@pytest.fixture(scope="module")
+def gapped() -> Simulated:
+    """A finger whose last sensor misses half a second: what follows it is long enough."""
+    recording = recorded(2, 16.0, skin=True)
+    values = recording.samples["imu"].values.copy()
+    values[300:350, 3] = np.nan
+    return _with(recording, values)
+
+
+@pytest.fixture(scope="module")
+def processed(gapped: Simulated) -> Processed:
+    return process(METHOD, METHOD.Params(), gapped)
+
+
+def test_a_finger_is_followed_without_pose_and_magnetometer(processed: Processed, gapped: Simulated) -> None:
+    moved, truth = processed.trajectory, gapped.truth
+    np.testing.assert_allclose(moved.t, truth.t, atol=1e-9)
+    inside = moved.t > 3.5
+    for joint in ("index_mcp", "index_pip", "index_dip"):
+        off = (moved.angles - truth.angles)[:, JOINT[joint], FLEXION]
+        assert np.sqrt(np.nanmean(off[inside] ** 2)) < 1.5 * DEG
+
+
+def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Processed, gapped: Simulated) -> None:
+    found, worn = processed.calibrations[0], gapped.sensors
+    assert found.source == "self-calibration"
+    for k, name in enumerate(SEGMENTS[1:3], 1):
+        assert found.geometry.lengths[name] == pytest.approx(artificial_finger.HINGES, rel=0.02)
+        assert found.lengths_sd[name] < 0.02 * artificial_finger.HINGES
+        np.testing.assert_allclose(found.p_BS[name], worn.p_BS[k], atol=1e-3)
+        square = [
+            0,
+            2,
+        ]  # to the hinges' common axis, y of these sensors: along it a bias that all sensors share is told by no movement of the finger
+        np.testing.assert_allclose(found.gyr_bias[name][square], worn.bias[k, :3][square], atol=0.1 * DEG)
+        np.testing.assert_allclose(found.acc_bias[name][square], worn.bias[k, 3:6][square], atol=0.05)
+
+
+def test_a_hand_that_lay_still_is_told_what_to_do() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    values = np.tile(recording.samples["imu"].values[:200], (8, 1, 1))
+    with pytest.raises(InputError, match=r"turned at 0 deg/s on average .* move the hand in all directions"):
+        process(METHOD, METHOD.Params(), _with(recording, values))
+
+
+def test_gaps_that_leave_no_long_stretch_are_told() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    values = recording.samples["imu"].values.copy()
+    values[800:850, 3] = np.nan
+    with pytest.raises(InputError, match=r"8\.0 s of movement between gaps in the samples"):
+        process(METHOD, METHOD.Params(), _with(recording, values))
+
+
+def test_five_seconds_are_too_few() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    with pytest.raises(InputError, match=r"5\.0 s of movement, self-calibration needs 10 s"):
+        process(METHOD, METHOD.Params(), _with(recording, recording.samples["imu"].values, 4.0, 9.01))
+
+
+def test_an_event_says_when_the_hand_moved_freely() -> None:
+    recording = replace(recorded(2, 16.0, skin=True), events=(Event(3.0, 4.0, "free_movement"),))
+    with pytest.raises(InputError, match=r"4\.0 s of movement"):
+        process(METHOD, METHOD.Params(), recording)
+
+
+def test_without_the_hands_sensor_there_is_nothing_to_relate_fingers_to() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    block = recording.samples["imu"]
+    fingers = Block(replace(block.stream, sensors=SEGMENTS[1:]), block.t, block.values[:, 1:])
+    with pytest.raises(InputError, match="no inertial sensor on the hand"):
+        process(METHOD, METHOD.Params(), replace(recording, samples={"imu": fingers}))
+
+
+def test_every_option_says_what_it_means() -> None:
+    for option in describe(METHOD.Params):
+        assert option.meaning, option.name
+        assert option.source, option.name
+        assert option.unit or option.kind != "float", option.name
