@@ -14,8 +14,7 @@ from app.report.content import Task, asked
 from app.report.norms import norm_of
 from app.report.other_measures import norms_told, other_measures
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
-from app.report.tapping_section import DECIMALS as TAPPING_ROWS
-from app.report.units import DEG, reading
+from app.report.units import DEG, TAPPING_DECIMALS, reading
 from app.report.words import figure_words
 from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
@@ -154,7 +153,7 @@ def _tapping(
     told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
 ) -> list[dict[str, Any]]:
     """Trials in order of time; the kept figures are in the same order, as many a trial; those that have a row of their own."""
-    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_ROWS]
+    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_DECIMALS]
     each = len(rows) // len(told) if told else 0
     trials = []
     for k, t in enumerate(told):

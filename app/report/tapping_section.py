@@ -11,7 +11,7 @@ from app.report import plots
 from app.report.change_words import tapping_changes
 from app.report.changes import Changes
 from app.report.content import Task
-from app.report.units import reading, unit_words
+from app.report.units import TAPPING_DECIMALS, reading, unit_words
 from app.report.words import figure_words, grade_words, span_words
 from estimators.measures.figure import Figure
 from estimators.measures.tapping import Tapping
@@ -19,23 +19,6 @@ from estimators.measures.tapping import Tapping
 TRIALS = 4  # columns of a table
 CHART = (290.0, 150.0)  # pt
 BELOW = (516.0, 150.0)  # pt where more than two trials leave it no room beside the table
-DECIMALS = {
-    "tapping_count": 0,
-    "tapping_rate": 2,
-    "tapping_interval_mean": 3,
-    "tapping_interval_cv": 1,
-    "tapping_amplitude_mean": 1,
-    "tapping_amplitude_cv": 1,
-    "tapping_opening_speed_mean": 0,
-    "tapping_closing_speed_mean": 0,
-    "tapping_decrement_slope": 2,
-    "tapping_decrement_ratio": 1,
-    "tapping_fatigue50": 3,
-    "tapping_angle_amplitude_mean": 1,
-    "tapping_interruptions": 0,
-    "tapping_freezes": 0,
-    "tapping_longest_stop": 2,
-}
 CHANGES = {"tapping_decrement_slope", "tapping_decrement_ratio"}  # read as "smaller" or "larger", not as a sign
 
 
@@ -46,7 +29,7 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
     shown = next((k for k, trial in enumerate(trials) if trial.count), None)
     many = total > 1
     every = {f.name: f for f in tasks[0].result.figures}
-    named = {name: every[name] for name in DECIMALS if name in every}
+    named = {name: every[name] for name in TAPPING_DECIMALS if name in every}
     size = CHART if len(trials) <= 2 else BELOW
     return {
         "title": say("tapping.title"),
@@ -82,7 +65,7 @@ def _unit(figure: Figure, language: Language) -> str:
 
 def _cell(task: Task, name: str, language: Language) -> str:
     figure = next(f for f in task.result.figures if f.name == name)
-    read, decimals = reading(figure), DECIMALS.get(name, 2)
+    read, decimals = reading(figure), TAPPING_DECIMALS.get(name, 2)
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)

@@ -9,6 +9,24 @@ DEG = 57.29577951308232  # of a rad
 READABLE = {"rad": ("deg", DEG), "rad/s": ("deg/s", DEG), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "T": ("uT", 1e6)}
 SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent
 
+TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order
+    "tapping_count": 0,
+    "tapping_rate": 2,
+    "tapping_interval_mean": 3,
+    "tapping_interval_cv": 1,
+    "tapping_amplitude_mean": 1,
+    "tapping_amplitude_cv": 1,
+    "tapping_opening_speed_mean": 0,
+    "tapping_closing_speed_mean": 0,
+    "tapping_decrement_slope": 2,
+    "tapping_decrement_ratio": 1,
+    "tapping_fatigue50": 3,
+    "tapping_angle_amplitude_mean": 1,
+    "tapping_interruptions": 0,
+    "tapping_freezes": 0,
+    "tapping_longest_stop": 2,
+}
+
 
 @dataclass(frozen=True)
 class Reading:
