@@ -5,8 +5,8 @@ from collections import deque
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import ANGLES, FINGERS, JOINT, SEGMENT, side_sign
+from estimators.hand_anatomy import ANGLES, FINGERS, JOINT
+from estimators.measures.forearm_rotation import palm_turn
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
@@ -14,7 +14,6 @@ LENGTH = 20.0  # s kept for viewers
 LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted
 SPACING = 1 / 60  # s between two points
 DEFAULT = "aperture"
-THUMB_DOWN = -120.0  # deg that nobody turns to from above
 TITLES = {"aperture": "Thumb to index finger", "palm_turn": "Turn of the palm"}
 
 
@@ -85,15 +84,7 @@ def value_of(rows: Trajectory, what: str) -> Array:
         gap = rows.tips[:, FINGERS.index("thumb")] - rows.tips[:, FINGERS.index("index")]
         return np.asarray(1e3 * np.sqrt((gap**2).sum(axis=-1)))
     if what == "palm_turn":
-        return palm_turn(rows)
+        return np.degrees(palm_turn(rows))
     joint, _, angle = what.rpartition("_")
     angles: Array = np.degrees(rows.angles[:, JOINT[joint], ANGLES.index(angle)])
     return angles
-
-
-def palm_turn(rows: Trajectory) -> Array:
-    """How far the palm is turned up about the hand's long axis (n,), deg: 0 palm down, 90 thumb up, up to 180 palm up, negative thumb down."""
-    up = quat.rotate(quat.conjugate(rows.q_GS[:, SEGMENT["hand"]]), np.array([0.0, 0.0, 1.0]))
-    dorsal, radial = side_sign(rows.hand) * up[:, 0], -side_sign(rows.hand) * up[:, 2]
-    turned: Array = np.degrees(np.arctan2(radial, dorsal))
-    return np.where(turned < THUMB_DOWN, turned + 360.0, turned)  # palm up is one place and not two

@@ -32,6 +32,7 @@ from estimators.trajectory import Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
+BEGUN = "map is an experiment: where sensors have scale errors its standard deviations are several times too small (docs/methods.md)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +198,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         gyr_bias=bias,
         geometry=geometry,
         source="self-calibration",
-        warnings=(),
+        warnings=(BEGUN,),
         p_BS={name: p for f in reversed(fingers) for name, p in _places(f, geometry).items()},
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
         lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if _known(params, f, s)},

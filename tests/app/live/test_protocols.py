@@ -9,7 +9,6 @@ import pytest
 import app.protocols
 from app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
 from app.language import Language, languages
-from app.live.curve import palm_turn
 from app.live.ghost import angles_of
 from app.live.telling import LEAST
 from app.protocols import TURN, Protocol, groups, load_all, protocol_of, read
@@ -19,6 +18,7 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from estimators.hand_geometry import sized
 from estimators.measures import MEASURES, repetitions
+from estimators.measures.forearm_rotation import palm_turn
 from estimators.simulation import kinematics, tasks
 from estimators.simulation.assessment import RANGES
 from estimators.simulation.grasp import Hold, between
@@ -228,7 +228,7 @@ def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:
         person = tasks.TASKS["rom_forearm"](sized(hand))
         t = np.array([1.0, 3.4])
         k = kinematics.truth(kinematics.of_motion(person.motion, sized(hand), t), hand)
-        np.testing.assert_allclose(palm_turn(k), [0.0, 150.0], atol=1e-6)
+        np.testing.assert_allclose(np.degrees(palm_turn(k)), [0.0, 150.0], atol=1e-6)
 
 
 def test_the_example_in_the_docs_is_a_task() -> None:
