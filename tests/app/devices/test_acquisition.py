@@ -83,7 +83,7 @@ def test_when_the_server_is_killed_the_recording_is_finished(port: Path, tmp_pat
 
 def test_a_port_that_vanishes_is_said_and_taken_up_again(tmp_path: Path) -> None:
     with (
-        virtual_glove(tmp_path / "glove", "--strips", "index", "--unplug", "2.5:0.6") as path,
+        virtual_glove(tmp_path / "glove", "--strips", "index", "--unplug", "8:0.6") as path,
         Glove(str(path), tmp_path / "r.mcap", {"hand": "left"}, lambda b: None) as worn,
     ):
         wait_for(recorded(worn))
