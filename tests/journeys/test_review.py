@@ -41,7 +41,7 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     page = page_without_scene
     patient = new_patient(page)
     page.goto(f"{server.base}/patients/{patient}")
-    shown(page.get_by_text("Progress appears from the second session"))
+    shown(page.get_by_text("Progress appears when a task was measured twice"))
     for k in range(2):
         another = (
             recording.read_bytes()[:-2] + b"\x01\x00" + bytes([k])

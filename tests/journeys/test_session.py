@@ -80,7 +80,7 @@ def _read_results(page: Page, folder: Path) -> None:
     assert abs(int(figure(page, "Index PIP").removesuffix("°")) - 95) <= 5  # what the virtual patient bends it to
     assert abs(int(figure(page, "Taps")) - 37) <= 4  # 2.5 a second in 15 s
     keep_picture(page, "session")
-    with page.expect_popup() as opened, page.context.expect_event("response", lambda r: r.url.endswith("report.pdf")) as answer:
+    with page.expect_popup() as opened, page.context.expect_event("response", lambda r: "/report.pdf?" in r.url) as answer:
         page.get_by_role("link", name="Report (PDF)").click()
     assert answer.value.status == 200 and opened.value
     pdf = page.request.get(answer.value.url).body()
