@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,15 +61,11 @@ def _norm(what: str, part: str, task: str, language: Language) -> dict[str, Any]
     norm = norm_of(what, part, task)
     if norm is None:
         return None
-    spread = "" if norm.sd is None else f" ± {language.number(norm.sd, _decimals(norm.sd))}"
-    most = (
-        ""
-        if norm.low is None or norm.high is None
-        else f" ({language.number(norm.low, _decimals(norm.low))} – {language.number(norm.high, _decimals(norm.high))})"
-    )
-    value = language.number(norm.mean, max(_decimals(norm.mean), _decimals(norm.sd or 0)))
-    told = f"{value}{spread}{most} {unit_words(norm.unit, language)}".strip()
-    return {"told": told, "by": norm.source.name, "reference": norm.source.reference, "note": language.heard(norm.note)}
+    number = partial(language.number, decimals=_decimals(norm.mean) if norm.sd is None else _decimals_of_sd(norm.sd))
+    spread = "" if norm.sd is None else f" ± {number(norm.sd)}"
+    most = "" if norm.low is None or norm.high is None else f" ({number(norm.low)} – {number(norm.high)})"
+    told = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
+    return {"told": told, "reference": norm.source.reference, "note": language.heard(norm.note)}
 
 
 def _value(figure: Figure, language: Language) -> str:
@@ -79,8 +76,13 @@ def _value(figure: Figure, language: Language) -> str:
     if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
         return language.number(read.value, 0 if figure.name.endswith("_count") else _decimals(read.value))
     sd = abs(reading(replace(figure, value=figure.sd)).value)
-    decimals = max(0, min(3, 1 - int(np.floor(np.log10(sd)))))  # two digits of the deviation say how many of the value mean anything
+    decimals = _decimals_of_sd(sd)
     return f"{language.number(read.value, decimals)} ± {language.number(sd, decimals)}"
+
+
+def _decimals_of_sd(sd: float) -> int:
+    """Decimals of a value with such a deviation, of which two digits are said."""
+    return max(0, min(3, 1 - int(np.floor(np.log10(sd)))))
 
 
 def _decimals(value: float) -> int:

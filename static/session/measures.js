@@ -36,6 +36,6 @@ function line([name, values, unit, [grade, words], reason], norm) {
 }
 
 function why(norm) {
-  const said = [norm.by, norm.reference, norm.note].filter(Boolean).join(". ");
+  const said = [norm.reference, norm.note].filter(Boolean).join(". ");
   return h("details", { class: "hint" }, h("summary", {}, t("measures.why")), h("p", {}, said));
 }
