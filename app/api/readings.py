@@ -30,8 +30,9 @@ def readings(
     protocols: Mapping[str, Protocol],
     language: Language,
     changes: Changes | None = None,
+    lean: bool = False,
 ) -> dict[str, Any]:
-    """Tables for pages from a kept result's content and figures; empty before it is done."""
+    """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
         "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, language, changes),
@@ -39,8 +40,7 @@ def readings(
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(tasks, figures, protocols, language),
-        "figures": [_told(f, language) for f in figures],
-    }
+    } | ({} if lean else {"figures": [_told(f, language) for f in figures]})
 
 
 def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def read_result(
 ) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
-    read = readings(r.content, r.figures, load_all(), language, changes_of(r) if r.state == "done" else None)
+    read = readings(r.content, r.figures, load_all(), language, changes_of(r) if r.state == "done" else None, lean)
     told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
         **told,
@@ -49,7 +49,7 @@ def read_result(
         "created": r.created,
         "content": {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
         "warnings": [language.heard(w) for w in r.warnings],
-        "readings": {name: value for name, value in read.items() if not (lean and name == "figures")},
+        "readings": read,
         "checksum": r.recording.sha256,
     }
 
