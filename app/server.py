@@ -10,8 +10,8 @@ from fastapi import FastAPI
 from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
 
-from app import protocols
-from app.api import errors, login, methods, pages, patients, progress, results, sessions, stations
+from app import language, protocols
+from app.api import errors, languages, login, methods, pages, patients, progress, results, sessions, stations
 from app.api.access import Gate
 from app.api.state import Parts
 from app.jobs import Jobs
@@ -30,6 +30,8 @@ def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
     for fault in protocols.read()[1]:  # said now, and on the page where tasks are chosen
         log.warning("%s. This task is not offered, the others are.", fault)
+    for fault in language.faults():
+        log.warning("%s. This language is not offered, the others are.", fault)
     store = open_store(settings.data, settings.database_url)
 
     @asynccontextmanager
@@ -53,6 +55,7 @@ def create_app(settings: Settings) -> FastAPI:
     for module in (patients, progress, sessions, results, stations, methods, login):
         app.include_router(module.router, prefix="/api")
     app.include_router(login.pages)
+    app.include_router(languages.router)
     app.include_router(pages.router)
     app.mount("/static", StaticFiles(directory=pages.STATIC), name="static")
     return app

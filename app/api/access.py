@@ -25,7 +25,7 @@ from sessions.tables import Login, now
 
 COOKIE = "handscope"
 OPEN_PATHS = ("/login", "/api/login", "/api/health")
-OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/")
+OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/", "/languages/")
 OPEN_FILES = (
     "/static/colors.css",
     "/static/style.css",

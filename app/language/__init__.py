@@ -1,6 +1,7 @@
-"""What the server writes into pages and reports, in every language that has a file beside this: en.json, de.json; one more file, one more language.
+"""Every word a person reads, in every language that has a file beside this: en.json, de.json; one more file, one more language.
 
-words      by key; {names} are filled in. A key that a language lacks is said in English
+pages      the pages' own words by key, served to the browser as a module (app/api/languages.py)
+words      what the server writes into pages and reports, by key. In both, {names} are filled in, and a key that a language lacks is said in English
 sentences  written elsewhere in English (warnings, reasons, titles of tasks), by their original; {names} stand for what differs
 locale     numbers, dates and lists after the Unicode CLDR (Babel)
 """
@@ -12,9 +13,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, cached_property, lru_cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
-from babel import Locale, negotiate_locale
+from babel import Locale, UnknownLocaleError, negotiate_locale
 from babel.dates import format_date, format_time
 from babel.lists import format_list
 from babel.numbers import format_decimal
@@ -24,6 +26,8 @@ from estimators.hand_anatomy import SEGMENTS
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
+CODE = re.compile(r"[a-z]{2,3}")
+PARTS = ("pages", "words", "sentences")
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
 MOST_SENTENCES = 4000  # of a sentence's length; longer ones are said as they are
@@ -36,6 +40,7 @@ class Language:
     code: str  # ISO 639-1
     name: str  # in the language itself
     locale: Locale
+    pages: Mapping[str, str]
     words: Mapping[str, str]
     sentences: Mapping[str, str]  # by their English original
 
@@ -111,16 +116,57 @@ def _heard(one: Language, sentence: str) -> str:
     return one.heard(sentence)
 
 
-@cache
 def languages() -> Mapping[str, Language]:
     """Every language by its code, English first."""
-    found = {entry.name.removesuffix(".json"): entry for entry in files("app.language").iterdir() if entry.name.endswith(".json")}
-    read = {code: json.loads(found[code].read_text("utf-8")) for code in sorted(found, key=lambda code: (code != DEFAULT, code))}
-    english = read[DEFAULT]["words"]
-    return {
-        code: Language(code, told["name"], Locale.parse(told["locale"]), {**english, **told["words"]}, told["sentences"])
-        for code, told in read.items()
-    }
+    return _here()[0]
+
+
+def faults() -> list[str]:
+    """A sentence for each file here that cannot be read."""
+    return _here()[1]
+
+
+@cache
+def _here() -> tuple[dict[str, Language], list[str]]:
+    return read(files("app.language"))
+
+
+def read(folder: Traversable) -> tuple[dict[str, Language], list[str]]:
+    """Every language of a folder by its code, English first, and a sentence for each file that has a fault."""
+    codes = {entry.name.removesuffix(".json"): entry for entry in folder.iterdir() if entry.name.endswith(".json")}
+    found: dict[str, Language] = {}
+    faults = []
+    for code in sorted(codes, key=lambda code: (code != DEFAULT, code)):
+        try:
+            found[code] = _read(code, codes[code].read_text("utf-8"), found.get(DEFAULT))
+        except ValueError as fault:  # json's, babel's and the codec's are such
+            faults.append(f"the language {code}.json cannot be read: {fault}")
+    return found, faults
+
+
+def _read(code: str, text: str, english: Language | None) -> Language:
+    """One language; what it lacks is English."""
+    if not CODE.fullmatch(code):
+        raise ValueError("its name is no code of a language such as fr")
+    told = json.loads(text, object_pairs_hook=_each_once)
+    if not isinstance(told, dict) or not isinstance(told.get("name"), str) or not isinstance(told.get("locale"), str):
+        raise ValueError('it begins with "name" and "locale", such as "Français" and "fr_FR"')
+    for part in PARTS:
+        if not isinstance(told.get(part), dict) or not all(isinstance(words, str) for words in told[part].values()):
+            raise ValueError(f'"{part}" holds words by their keys')
+    try:
+        locale = Locale.parse(told["locale"])
+    except UnknownLocaleError:
+        raise ValueError(f"there is no locale {told['locale']!r}") from None
+    pages, words = (english.pages, english.words) if english else ({}, {})
+    return Language(code, told["name"], locale, {**pages, **told["pages"]}, {**words, **told["words"]}, told["sentences"])
+
+
+def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    keys = [key for key, _ in pairs]
+    if twice := [key for key in dict.fromkeys(keys) if keys.count(key) > 1] if len({*keys}) < len(keys) else []:
+        raise ValueError(f"{', '.join(twice)} stands twice")
+    return dict(pairs)
 
 
 def language(code: str) -> Language:

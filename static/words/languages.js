@@ -1,5 +1,7 @@
-/** Which languages the pages have, and which of them this browser wants; a further one is a file beside this and a line here. */
-export const LANGUAGES = { en: "English", de: "Deutsch" };
+/** Which languages there are, and which of them this browser wants. */
+import LANGUAGES from "/languages/names.js";
+
+export { LANGUAGES };
 const KEPT = "handscope-language";
 
 /** The code of the language in use: what was chosen here, else the first of the browser's languages that there is, else English. */

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 from math import isnan
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.language import ENGLISH
 from app.live import wizard
 from app.live.wizard import (
     BY_PERSON,
@@ -358,7 +358,6 @@ def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchang
 
 
 def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
-    words = (Path(__file__).parents[3] / "static" / "words" / "en.js").read_text("utf-8")
     proposed = [
         *((state, act) for state in (State.POSE_READY, State.POSE_HOLD) for act in (Act.ASSIST, Act.WITHOUT)),
         *((State.POSE_REVIEW, act) for act in (Act.CALIBRATE, Act.REDO, Act.EXCHANGE)),
@@ -366,4 +365,4 @@ def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
     keys = [f"proposal.{state}.{act}" for state, act in proposed] + [f"outcome.{o}" for o in set(OUTCOMES.values()) - set(PASSING)]
     keys += [f"joints.{grade}" for grade in GRADES] + [f"joints.why.{reason}" for reason in (*LIMITS, "fault", "uncalibrated")]
     keys += [f"group.{group}" for group in groups(PROTOCOLS)]
-    assert [key for key in keys if f'"{key}":' not in words] == []
+    assert [key for key in keys if key not in ENGLISH.pages] == []

@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
 import static
+from app.api import languages
 from app.live import wizard
 from app.live.telling import told_of
 from app.live.wizard import Act, Facts, State, Wizard
@@ -86,7 +87,10 @@ def page(browser: Browser) -> Iterator[Page]:
 
 def serve(route: Route) -> None:
     path = route.request.url.removeprefix(SITE)
-    if path.startswith("/static/"):
+    if path.startswith("/languages/"):
+        answer = languages.names() if path.endswith("/names.js") else languages.words(Path(path).stem)
+        route.fulfill(body=bytes(answer.body), content_type=KINDS[".js"])
+    elif path.startswith("/static/"):
         file = ROOT / path.removeprefix("/static/")
         route.fulfill(body=file.read_bytes(), content_type=KINDS[file.suffix])
     else:

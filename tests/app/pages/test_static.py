@@ -1,19 +1,20 @@
-"""Rules that the pages' files keep: small modules, every text in the dictionary, every colour in one file, nothing that the security policy forbids."""
+"""Rules that the pages' files keep: small modules, every text in the languages' files, every colour in one file, nothing that the security policy forbids."""
 
+import json
 import re
 from collections.abc import Iterator
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 import static
+from app.language import ENGLISH, Language, languages
 
 ROOT = Path(static.__file__).parent
 MODULES = sorted(p for p in ROOT.rglob("*.js") if "vendor" not in p.parts)
 STYLES = sorted(p for p in ROOT.rglob("*.css") if "vendor" not in p.parts)
 DOCUMENTS = sorted(ROOT.rglob("*.html"))
-WORDS = ROOT / "words" / "en.js"
-OTHERS = sorted(p for p in (ROOT / "words").glob("??.js") if p != WORDS)
 GAP = re.compile(r"\{(\w+)\}")
 PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
 NOT_MOUNTED = {
@@ -36,7 +37,7 @@ def name(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("path", [p for p in MODULES if p not in (WORDS, *OTHERS)], ids=name)
+@pytest.mark.parametrize("path", MODULES, ids=name)
 def test_a_module_is_short_and_says_what_it_is(path: Path) -> None:
     lines = path.read_text("utf-8").splitlines()
     assert len(lines) < 150
@@ -88,7 +89,7 @@ def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
         text = modules[k].read_text("utf-8")
         found = [(modules[k].parent / n).resolve() for n in re.findall(r"(?:from|import\() ?\"(\.[^\"]+)\"", text)]
         modules, k = [*modules, *(m for m in found if m not in modules)], k + 1
-    needed += [f"/static/{m.relative_to(ROOT).as_posix()}" for m in (*modules, *OTHERS)]
+    needed += [f"/static/{m.relative_to(ROOT).as_posix()}" for m in modules]
     assert [n for n in needed if n not in OPEN_FILES and not n.startswith(OPEN_FOLDERS)] == []
     assert len(needed) > 4
 
@@ -100,14 +101,6 @@ def test_every_address_between_the_files_leads_somewhere() -> None:
     for path in DOCUMENTS:
         for target in re.findall(r"(?:src|href)=\"/static/([^\"]+)\"", path.read_text("utf-8")):
             assert (ROOT / target).is_file(), f"{name(path)} names {target}"
-
-
-def _dictionary(file: Path = WORDS) -> dict[str, str]:
-    found = re.findall(r"^  \"?([\w.]+)\"?:\s+\"((?:[^\"\\]|\\.)*)\",$", file.read_text("utf-8"), re.MULTILINE)
-    keys = [key for key, _ in found]
-    assert len(keys) == len(set(keys)), "a key stands twice"
-    assert len(keys) == file.read_text("utf-8").count('",\n'), "a line is not of the form key: text"
-    return dict(found)
 
 
 def _used() -> Iterator[tuple[str, str]]:
@@ -131,24 +124,23 @@ def _pattern(key: str) -> str:
 
 
 def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() -> None:
-    words = _dictionary()
+    words = ENGLISH.pages
     used = set(_used())
     assert len(used) > 200
     lacking = [(where, key) for where, key in used if not any(re.fullmatch(key, word) for word in words)]
     # `known` has another word at hand where a key is missing; what ends in an extension names a file
     assert [k for k in lacking if not re.search(r"\.(js|css|svg|zip|csv|json|pdf)$", k[1].replace("\\", ""))] == []
     patterns = [re.compile(key) for _, key in used]
-    assert [word for word in words if word != "locale" and not any(p.fullmatch(word) for p in patterns)] == []
+    assert [word for word in words if not any(p.fullmatch(word) for p in patterns)] == []
 
 
-@pytest.mark.parametrize("path", OTHERS, ids=name)
-def test_every_language_has_every_text_with_the_same_gaps(path: Path) -> None:
-    words, english = _dictionary(path), _dictionary()
-    assert [key for key in words if key not in english] == []
-    assert [key for key in english if key not in words] == []
-    assert [key for key in words if sorted(GAP.findall(words[key])) != sorted(GAP.findall(english[key]))] == []
+@pytest.mark.parametrize("other", [one for one in languages().values() if one is not ENGLISH], ids=lambda one: one.code)
+def test_every_language_has_every_text_of_the_pages_with_the_same_gaps(other: Language) -> None:
+    own = json.loads(files("app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["pages"]
+    assert [key for key in own if key not in ENGLISH.pages] == []
+    assert [key for key in ENGLISH.pages if key not in own] == []
+    assert [key for key in own if sorted(GAP.findall(own[key])) != sorted(GAP.findall(ENGLISH.pages[key]))] == []
 
 
-def test_every_language_can_be_chosen() -> None:
-    listed = re.findall(r"(\w\w): \"", re.search(r"LANGUAGES = \{(.*)\}", (ROOT / "words" / "languages.js").read_text("utf-8"))[1])  # type: ignore[index]
-    assert sorted(listed) == sorted(p.stem for p in (WORDS, *OTHERS))
+def test_words_stand_in_no_module() -> None:
+    assert [p.name for p in MODULES if p.parent.name == "words" and len(p.stem) == 2] == [], "words belong into app/language/*.json, pages"

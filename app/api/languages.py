@@ -1,0 +1,33 @@
+"""The pages' words as modules that a browser imports; one file in app/language is one more language here, too."""
+
+import json
+from functools import cache
+
+from fastapi import APIRouter
+from starlette.responses import Response
+
+from app import language
+from app.language import Language
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/languages/names.js")
+def names() -> Response:
+    """Which languages there are: {code: name}."""
+    return Response(_module({one.code: one.name for one in language.languages().values()}), media_type="text/javascript")
+
+
+@router.get("/languages/{code}.js")
+def words(code: str) -> Response:
+    """Every text of the pages by its key, and the language's form of numbers and dates as `locale`."""
+    return Response(_words(language.language(code)), media_type="text/javascript")
+
+
+@cache
+def _words(one: Language) -> bytes:
+    return _module({"locale": str(one.locale).replace("_", "-"), **one.pages})
+
+
+def _module(values: dict[str, str]) -> bytes:
+    return f"export default {json.dumps(values, ensure_ascii=False)};\n".encode()

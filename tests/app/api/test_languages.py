@@ -1,0 +1,73 @@
+"""A further language is one file: its words reach the pages, the reports and what the server refuses; a file with a fault takes nothing from the others."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+import app.language as every
+from app.report.words import figure_words
+
+ESPERANTO = {
+    "name": "Esperanto",
+    "locale": "eo",
+    "pages": {"save": "Konservi"},
+    "words": {"finger.thumb": "Dikfingro"},
+    "sentences": {"there is no patient {id}; it may have been erased": "ne estas paciento {id}"},
+}
+PUT_IN = {
+    "eo.json": json.dumps(ESPERANTO),
+    "fr.json": '{"name": "Français", "locale": "fr_FR", "pages": {',
+    "es.json": json.dumps({**ESPERANTO, "locale": "es_NOWHERE_AT_ALL"}),
+    "it.json": json.dumps({**ESPERANTO, "words": ["dito"]}),
+    "nl.json": json.dumps(ESPERANTO).replace('"save"', '"save": "Opslaan", "save"'),
+    "esperanto.json": json.dumps(ESPERANTO),
+    "ro.json": "[]",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The languages that there are with more files among them."""
+    here = shutil.copytree(str(files("app.language")), tmp_path / "language")
+    for name, text in PUT_IN.items():
+        (here / name).write_text(text, "utf-8")
+    monkeypatch.setattr(every, "files", lambda _: here)
+    every._here.cache_clear()
+    yield here
+    every._here.cache_clear()
+
+
+def module(client: TestClient, name: str) -> dict[str, str]:
+    answer = client.get(f"/languages/{name}.js")
+    assert answer.headers["content-type"].startswith("text/javascript")
+    told: dict[str, str] = json.loads(answer.text.removeprefix("export default ").removesuffix(";\n"))
+    return told
+
+
+def test_one_file_is_one_more_language_for_pages_reports_and_refusals(folder: Path, client: TestClient) -> None:
+    assert module(client, "names") == {"en": "English", "de": "Deutsch", "eo": "Esperanto"}
+    pages = module(client, "eo")
+    assert (pages["locale"], pages["save"], pages["cancel"]) == ("eo", "Konservi", "Cancel")
+    assert every.language("eo").words["finger.thumb"] == "Dikfingro"
+    assert figure_words("rate", every.language("eo")) == figure_words("rate", every.ENGLISH)
+    refused = client.get("/api/patients/4711", headers={"Accept-Language": "eo"})
+    assert refused.json()["error"] == "ne estas paciento 4711"
+
+
+def test_a_file_with_a_fault_is_named_and_takes_nothing_from_the_others(folder: Path) -> None:
+    said = sorted(every.faults())
+    assert [one.split(".json")[0] for one in said] == [f"the language {code}" for code in ("es", "esperanto", "fr", "it", "nl", "ro")]
+    for one, fault in zip(
+        said, ("not a valid locale", "no code of a language", "column", '"words" holds words', "save stands twice", "begins with")
+    ):
+        assert fault in one
+
+
+def test_the_files_that_are_delivered_have_no_fault() -> None:
+    assert every.faults() == []
+    assert [*every.languages()][:2] == ["en", "de"]
