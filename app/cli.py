@@ -13,6 +13,8 @@ VERBS = {
     "demo": "serve with a virtual glove and a demonstration patient",
     "serve": "serve pages, API and 3-D scene",
     "login": "print a new one-time address for a server that runs",
+    "backup": "everything in the data folder as one checked file, while the server runs",
+    "restore": "put a backup into an empty data folder",
     "glove": "a virtual glove behind a pseudo-terminal",
     "record": "record a glove without the pages, with the live tracker running",
     "simulate": "write a simulated recording as Motion-BIDS, with the truth beside it",

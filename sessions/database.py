@@ -6,37 +6,55 @@ from pathlib import Path
 from alembic import command
 from alembic.config import Config
 from sqlalchemy import Engine, create_engine, event
-from sqlalchemy.exc import DatabaseError
+from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
 from sessions import repeatability
 
 FILE = "handscope.sqlite"
+RESTORING = "restoring"  # lies in a data folder while a backup is being put into it
+MIGRATIONS = str(files("sessions") / "migrations")
+UPGRADE_LOCK = 0x68616E64  # PostgreSQL: one process at a time brings the schema up to date; any number that nobody else uses
 
 
 def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]:
     """A factory of database sessions on a schema that is up to date."""
-    place = url or f"sqlite:///{folder / FILE}"
-    engine = create_engine(place, pool_pre_ping=True)
-    if engine.dialect.name == "sqlite":
-        event.listen(engine, "connect", _prepare_sqlite)
+    engine = connected(folder, url)
     try:
         upgrade(engine)
     except DatabaseError as problem:
         engine.dispose()
         raise InputError(
-            f"the database {place} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
+            f"the database {place_of(engine)} cannot be opened ({problem.orig}); restore it from a backup or choose another --data folder"
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     repeatability.keep(database)
     return database
 
 
+def connected(folder: Path, url: str | None = None) -> Engine:
+    """The database as it is, not brought up to date; InputError where the URL names none or its driver is not installed."""
+    try:
+        engine = create_engine(url or f"sqlite:///{folder / FILE}", pool_pre_ping=True)
+    except (ArgumentError, ImportError) as problem:
+        raise InputError(
+            f"the database URL is not understood ({problem}); for PostgreSQL: postgresql+psycopg://user:password@host/name, with pip install handscope[postgresql]"
+        ) from None
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+    return engine
+
+
+def place_of(engine: Engine) -> str:
+    """The database's URL as it may be shown: without its password."""
+    return engine.url.render_as_string(hide_password=True)
+
+
 def upgrade(engine: Engine, to: str = "head") -> None:
     """Run the migrations that are missing."""
     config = Config()
-    config.set_main_option("script_location", str(files("sessions") / "migrations"))
+    config.set_main_option("script_location", MIGRATIONS)
     with engine.connect() as connection:
         sqlite = engine.dialect.name == "sqlite"
         if sqlite:  # a table is changed by making it anew: dropping the old one must not take the rows that refer to it
@@ -45,6 +63,8 @@ def upgrade(engine: Engine, to: str = "head") -> None:
         with connection.begin():
             if sqlite:
                 connection.exec_driver_sql("BEGIN IMMEDIATE")  # all or nothing, one process at a time
+            else:
+                connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({UPGRADE_LOCK})")
             config.attributes["connection"] = connection
             command.upgrade(config, to)
         if sqlite:

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
 from sessions import notes, repeatability
-from sessions.database import open_database
+from sessions.database import RESTORING, open_database
 from sessions.tables import ErasedFile
 
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
@@ -64,6 +64,8 @@ def open_store(folder: Path, url: str | None = None) -> Store:
             place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InputError(f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data") from None
+    if (folder / RESTORING).exists():
+        raise InputError(f"a backup was being restored into {folder} and that did not end; empty the folder and restore again")
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
     database = open_database(folder, url)

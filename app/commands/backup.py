@@ -1,0 +1,25 @@
+"""`handscope backup`: everything in the data folder as one checked file, while the server runs."""
+
+import argparse
+from pathlib import Path
+
+from app.commands.serve import default_data
+from app.commands.words import counted, require_file, say
+from app.version import software_version
+from sessions import backup
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE.zip", help="the backup to make; not inside the data folder, not there yet")
+    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
+    parser.add_argument("--database", metavar="URL", help="the server's database, where it is not SQLite in the data folder")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 where all is in; 1 where a recording was missing or damaged on the disk: it is named, everything else is in."""
+    require_file(arguments.file)
+    made = backup.write(arguments.data, arguments.database, arguments.file, software_version())
+    for problem in made.problems:
+        say(f"PROBLEM: {problem}")
+    say(f"{counted(len(made.files), 'file')}, {made.bytes / 1e6:.1f} MB of {arguments.data}: {arguments.file}")
+    return 1 if made.problems else 0

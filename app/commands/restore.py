@@ -1,0 +1,37 @@
+"""`handscope restore`: put a backup into an empty data folder."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from app.commands.words import counted, progress_bar, say
+from estimators.errors import InputError
+from sessions import backup
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE.zip", help="a backup made by handscope backup")
+    parser.add_argument("--data", type=Path, metavar="DIR", help="the folder to restore into: empty, or not there yet")
+    parser.add_argument("--database", metavar="URL", help="restore rows into this empty database instead of SQLite in the folder")
+    parser.add_argument("--check", action="store_true", help="only read the backup and compare every checksum")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.check:
+        manifest = backup.check(arguments.file)
+        say(f"{arguments.file} is whole: {_told(manifest)}")
+        return 0
+    if arguments.data is None:
+        raise InputError("say where to restore: --data DIR, an empty folder")
+    hear, close = progress_bar("restoring")
+    try:
+        manifest = backup.restore(arguments.file, arguments.data, arguments.database, hear)
+    finally:
+        close()
+    database = f" --database {arguments.database}" if arguments.database else ""
+    say(f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{database}")
+    return 0
+
+
+def _told(manifest: dict[str, Any]) -> str:
+    return f"{counted(len(manifest['files']), 'file')} of {manifest['made']}, made by version {manifest['software']}"
