@@ -21,6 +21,7 @@ from estimators.ekf_seats import SIZE
 from estimators.hand_anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
 from estimators.options import option
 from estimators.quaternions import Array
+from estimators.small_matrices import variance_of
 
 GRAVITY = 9.80665  # m/s^2
 REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
@@ -196,7 +197,7 @@ def joints_row(
                 missed[row] = outside
                 for k in range(SIZE):
                     H[row, k] = J[a, 0] * A[3 * j, k] + J[a, 1] * A[3 * j + 1, k] + J[a, 2] * A[3 * j + 2, k]
-                variance += _variance(H[row], P) if free[j, a] > 0 else 0.0
+                variance += variance_of(H[row], P) if free[j, a] > 0 else 0.0
             noise[row, row] = variance * lasts
 
 
@@ -208,17 +209,6 @@ def resting_row(p: Array, crept: Array, rest: Array, due: Array, missed: Array, 
             row = 3 * s + a
             noise[row, row] = p[CREEPING] ** 2
             missed[row], H[row, 9 + row] = (crept[s, a] / rest[s], 1.0) if due[s] > 0 else (0.0, 0.0)
-
-
-@inlined
-def _variance(h: Array, P: Array) -> float:
-    """h P h'."""
-    total = 0.0
-    for i in range(len(h)):
-        if h[i] != 0.0:
-            for j in range(len(h)):
-                total += h[i] * P[i, j] * h[j]
-    return total
 
 
 @inlined

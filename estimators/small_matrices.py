@@ -53,3 +53,14 @@ def spread(A: Array, P: Array, APA: Array) -> None:
                 if A[j, k] != 0.0:
                     total += AP[i, k] * A[j, k]
             APA[i, j], APA[j, i] = total, total
+
+
+@inlined
+def variance_of(h: Array, P: Array) -> float:
+    """h P h'."""
+    total = 0.0
+    for i in range(len(h)):
+        if h[i] != 0.0:
+            for j in range(len(h)):
+                total += h[i] * P[i, j] * h[j]
+    return total

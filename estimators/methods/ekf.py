@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_alignment, finger_ekf, forward_kinematics, functional_steps, joint_angles, sensor_fusion, time_base
+from estimators import ekf_alignment, ekf_deviations, finger_ekf, forward_kinematics, functional_steps, joint_angles, sensor_fusion, time_base
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.ekf_alignment import SENSORS
 from estimators.ekf_seats import Seats
-from estimators.ekf_updates import angle_jacobian
 from estimators.finger_ekf import FilterParams
 from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS
 from estimators.hand_anatomy import FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS
-from estimators.hand_geometry import HandGeometry
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
@@ -186,73 +184,18 @@ def _sure(params: Params, state: State, found: finger_ekf.Estimate, angles: Arra
     if not len(found.told):
         return before
     P = found.P + np.radians(params.rest_of_sd) ** 2 * np.eye(9)
+    tips_sd = ekf_deviations.of_tips(q_pc, P, state.calibration.geometry, params.length_sd)
     return Sure(
-        np.concatenate([before.angles_sd, _angles_sd(angles, P)]),
-        np.concatenate([before.tips_sd, _tips_sd(params, q_pc, state.calibration.geometry, P)]),
+        np.concatenate([before.angles_sd, joint_angles.only_freedoms(ekf_deviations.of_angles(angles, P))]),
+        np.concatenate([before.tips_sd, tips_sd]),
         np.concatenate([before.lost, _lost(params, P)]),
     )
 
 
 def _lost(params: Params, P: Array) -> NDArray[np.bool_]:
     """Which segments (n, segments) are not known against the hand: a joint between them is not."""
-    unsure = np.stack([P[..., 3 * j : 3 * j + 3, 3 * j : 3 * j + 3].diagonal(axis1=-2, axis2=-1).max(axis=-1) for j in range(3)], axis=-1)
-    unsure = unsure > np.radians(params.heading_known) ** 2
+    unsure = P.diagonal(axis1=-2, axis2=-1).reshape(len(P), 6, 3, 3).max(axis=-1) > np.radians(params.heading_known) ** 2
     lost = np.ones((len(P), len(SEGMENTS)), bool)
     lost[:, CHAIN_SEGMENTS] = np.logical_or.accumulate(unsure[:, :5], axis=-1)
     lost[:, SEGMENT["forearm"]], lost[:, SEGMENT["hand"]] = unsure[:, 5, 0], False
     return lost
-
-
-def _angles_sd(angles: Array, P: Array) -> Array:
-    """Standard deviations (n, joints, 3) of the angles from the covariances (n, 6, 9, 9) of their rotations."""
-    found = np.empty((len(angles), len(JOINTS), 3))
-    J = angle_jacobian(angles)
-    for j in range(3):
-        own = P[:, :5, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
-        found[:, CHAIN_JOINTS[:, j]] = _deviations(J[:, CHAIN_JOINTS[:, j]], own)
-    found[:, WRIST] = _deviations(J[:, WRIST], P[:, 5, :3, :3])
-    return joint_angles.only_freedoms(found)
-
-
-def _deviations(J: Array, P: Array) -> Array:
-    """Square roots (..., a) of the diagonal of J P J', of J (..., a, m) and P (..., m, m)."""
-    return np.asarray(np.sqrt(np.maximum(((J @ P) * J).sum(axis=-1), 0.0)))
-
-
-def _tips_sd(params: Params, q_pc: Array, geometry: HandGeometry, P: Array) -> Array:
-    """Standard deviations (n, 5, 3) of the tips along the axes of WCS: of the fingers' rotations, the wrist's where it is measured, and of lengths."""
-    at = places(q_pc, geometry)
-    bones = np.concatenate([at[:, :, :1], np.diff(at, axis=2)], axis=2) ** 2
-    of_lengths = params.length_sd**2 * (bones[:, :, 0] + bones[:, :, 1] + bones[:, :, 2] + bones[:, :, 3])
-    of_fingers = _deviations(tip_jacobian(q_pc, at), P[:, :5]) ** 2
-    measured = np.isfinite(q_pc[:, WRIST, 0])[:, None, None]
-    of_wrist = np.where(measured, _deviations(wrist_jacobian(q_pc, at), P[:, None, 5, :3, :3]) ** 2, 0.0)
-    return np.asarray(np.sqrt(of_lengths + of_fingers + of_wrist))
-
-
-def wrist_jacobian(q_pc: Array, at: Array) -> Array:
-    """How the tips in WCS, the last of `places` (n, 5, 4, 3), change with the error of the wrist's rotation: (n, 5, 3, 3)."""
-    return np.asarray(-quat.skew(at[:, :, 3]) @ quat.matrix(_wrist(q_pc))[:, None])  # R [R'a]x = [a]x R
-
-
-def tip_jacobian(q_pc: Array, at: Array) -> Array:
-    """How the tips in WCS, the last of `places` (n, 5, 4, 3), change with the errors of their chain's joints: (n, 5, 3, 9).
-
-    Source: Salchow-Hoemmen 2019, (23)-(27), differentiated.
-    """
-    q_WB = forward_kinematics.segments_on(_wrist(q_pc), q_pc)[:, forward_kinematics.CHAIN_SEGMENTS]
-    arms = at[:, :, 3:] - at[:, :, :3]  # from the joints' centres to the tip
-    by_joint = -quat.skew(arms) @ quat.matrix(q_WB)  # R [R'a]x = [a]x R
-    return np.moveaxis(by_joint, 2, 3).reshape(*at.shape[:2], 3, 9)
-
-
-def places(q_pc: Array, geometry: HandGeometry) -> Array:
-    """Centres of each chain's joints and its tip (n, 5, 4, 3) in WCS."""
-    roots = quat.rotate(_wrist(q_pc)[:, None], geometry.roots())
-    return np.concatenate([roots[:, :, None], forward_kinematics.joint_places(q_pc, geometry)], axis=2)
-
-
-def _wrist(q_pc: Array) -> Array:
-    """From the hand to WCS (n, 4); an unknown wrist counts as neutral, as in forward kinematics."""
-    q = q_pc[:, 0]
-    return np.where(np.isnan(q), quat.IDENTITY, q)

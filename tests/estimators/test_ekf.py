@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from estimators import forward_kinematics, joint_angles, run, trajectory
+from estimators import ekf_deviations, forward_kinematics, joint_angles, run, trajectory
 from estimators import quaternions as quat
 from estimators.forward_kinematics import CHAIN_JOINTS
 from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT, Hand
@@ -142,24 +142,19 @@ def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> A
 
 
 def test_the_jacobian_of_the_tips_is_their_derivative(rng: np.random.Generator) -> None:
-    geometry, angles = sized("right"), rng.uniform(-0.6, 0.9, (2, len(JOINTS), 3))
-    q_pc = joint_angles.compose(angles)
+    """By the errors of their own joints and of the wrist; the bones lead to the tip."""
+    geometry, q_pc = sized("right"), joint_angles.compose(rng.uniform(-0.6, 0.9, (len(JOINTS), 3)))
+    for finger, joints in enumerate(CHAIN_JOINTS):
 
-    def tips(dth: Array) -> Array:
-        turned = q_pc.copy()
-        for j in range(3):
-            columns = CHAIN_JOINTS[:, j]
-            turned[:, columns] = quat.multiply(q_pc[:, columns], quat.exp(dth[3 * j : 3 * j + 3]))
-        return forward_kinematics.tips(turned, geometry)
+        def tip(d: Array, finger: int = finger, joints: Array = joints) -> Array:
+            turned, columns = q_pc.copy(), [*joints, JOINT["wrist"]]
+            turned[columns] = quat.multiply(q_pc[columns], quat.exp(d.reshape(4, 3)))
+            return np.asarray(forward_kinematics.tips(turned, geometry)[finger])
 
-    np.testing.assert_allclose(ekf.tip_jacobian(q_pc, ekf.places(q_pc, geometry)), _derivative(tips, 9), atol=1e-8)
-
-    def moved(d: Array) -> Array:
-        turned = q_pc.copy()
-        turned[:, JOINT["wrist"]] = quat.multiply(q_pc[:, JOINT["wrist"]], quat.exp(d))
-        return forward_kinematics.tips(turned, geometry)
-
-    np.testing.assert_allclose(ekf.wrist_jacobian(q_pc, ekf.places(q_pc, geometry)), _derivative(moved, 3), atol=1e-8)
+        J, bones, places = np.empty((3, 12)), np.empty((4, 3)), (geometry.roots()[finger], geometry.chain_offsets()[finger])
+        ekf_deviations.tip_row(q_pc[JOINT["wrist"]], q_pc[joints], *places, J, bones)
+        np.testing.assert_allclose(J, _derivative(tip, 12), atol=1e-8)
+        np.testing.assert_allclose(bones.sum(axis=0), tip(np.zeros(12)), atol=1e-12)
 
 
 @given(st.lists(st.integers(0, 1500), max_size=6), st.integers(0, 2**32 - 1))
