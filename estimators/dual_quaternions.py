@@ -76,3 +76,6 @@ def _origin(Q: Array, row: Array, p: Array) -> None:
     p[0] = 2.0 * (-Q[4] * Q[1] + Q[5] * Q[0] - Q[6] * Q[3] + Q[7] * Q[2])
     p[1] = 2.0 * (-Q[4] * Q[2] + Q[5] * Q[3] + Q[6] * Q[0] - Q[7] * Q[1])
     p[2] = 2.0 * (-Q[4] * Q[3] - Q[5] * Q[2] + Q[6] * Q[1] + Q[7] * Q[0])
+
+
+link_row, multiply_row, origin_row = _link.row, _multiply.row, _origin.row  # for one row, as other kernels call them

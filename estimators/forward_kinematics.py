@@ -9,6 +9,7 @@ import numpy as np
 
 from estimators import dual_quaternions as dual
 from estimators import quaternions as quat
+from estimators.compiled import rowwise
 from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, SEGMENT, SEGMENTS
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -19,12 +20,14 @@ CHAIN_SEGMENTS = np.array([[SEGMENT[name] for name in CHAINS[finger]] for finger
 
 def tips(q_pc: Array, geometry: HandGeometry) -> Array:
     """Ends of the distal bones (..., 5, 3) in the wrist frame; NaN where a joint of the chain is not known."""
-    return dual.origin(_chain(q_pc, geometry)[-1])
+    return joint_places(q_pc, geometry)[..., -1, :]
 
 
 def joint_places(q_pc: Array, geometry: HandGeometry) -> Array:
     """Distal ends of all chain segments (..., 5 fingers, 3 segments, 3) in the wrist frame, m; the last are the tips."""
-    return np.stack([dual.origin(Q) for Q in _chain(q_pc, geometry)], axis=-2)
+    q_wrist = q_pc[..., JOINT["wrist"], :]
+    q_wrist = np.where(np.isfinite(q_wrist), q_wrist, quat.IDENTITY)  # an unknown wrist counts as neutral
+    return _places(q_wrist[..., None, :], q_pc[..., CHAIN_JOINTS, :], geometry.roots(), geometry.chain_offsets())
 
 
 def segments_on(q_GH: Array, q_pc: Array) -> Array:
@@ -32,21 +35,24 @@ def segments_on(q_GH: Array, q_pc: Array) -> Array:
     q = np.empty((*q_pc.shape[:-2], len(SEGMENTS), 4))
     q[..., SEGMENT["hand"], :] = q_GH
     q[..., SEGMENT["forearm"], :] = quat.multiply(q_GH, quat.conjugate(q_pc[..., JOINT["wrist"], :]))
-    parent = q_GH[..., None, :]
-    for k in range(3):
-        parent = quat.multiply(parent, q_pc[..., CHAIN_JOINTS[:, k], :])
-        q[..., CHAIN_SEGMENTS[:, k], :] = parent
+    q[..., CHAIN_SEGMENTS, :] = _chained(q_GH[..., None, :], q_pc[..., CHAIN_JOINTS, :])
     return q
 
 
-def _chain(q_pc: Array, geometry: HandGeometry) -> list[Array]:
-    """Dual quaternions from WCS to each segment of the chains, (..., 5, 8) for proximal, middle, distal."""
-    wrist = (
-        np.nan_to_num(q_pc[..., JOINT["wrist"], :], nan=0.0) + np.isnan(q_pc[..., JOINT["wrist"], :1]) * quat.IDENTITY
-    )  # unknown wrist counts as neutral
-    Q = dual.link(wrist[..., None, :], geometry.roots())  # (25), WCS to hand
-    offsets, places = geometry.chain_offsets(), []
-    for k in range(3):
-        Q = dual.multiply(Q, dual.link(q_pc[..., CHAIN_JOINTS[:, k], :], offsets[:, k]))  # (23), (24)
-        places.append(Q)
-    return places
+@rowwise("(q),(j,q),(v),(j,v)->(j,v)")
+def _places(q_wrist: Array, q_pc: Array, root: Array, offsets: Array, places: Array) -> None:
+    Q, link, both = np.empty(8), np.empty(8), np.empty(8)
+    dual.link_row(q_wrist, root, Q, Q)  # (25), WCS to hand
+    for j in range(q_pc.shape[0]):
+        dual.link_row(q_pc[j], offsets[j], link, link)
+        dual.multiply_row(Q, link, both)  # (23), (24)
+        for a in range(8):
+            Q[a] = both[a]
+        dual.origin_row(Q, places[j], places[j])
+
+
+@rowwise("(q),(j,q)->(j,q)")
+def _chained(q_GH: Array, q_pc: Array, q: Array) -> None:
+    quat.multiply_row(q_GH, q_pc[0], q[0])
+    for j in range(1, q_pc.shape[0]):
+        quat.multiply_row(q[j - 1], q_pc[j], q[j])

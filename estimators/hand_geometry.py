@@ -10,6 +10,7 @@ Limits  the palm is flat and rigid; a derived length is as good as the ratio (95
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,13 +75,19 @@ class HandGeometry:
 
     def roots(self) -> Array:
         """Where the five chains begin in the hand's frame (5, 3), thumb first."""
-        return np.array([self.joint_positions[root_joint(finger)] for finger in FINGERS])
+        return self._arrays[0]
 
     def chain_offsets(self) -> Array:
         """Translation along each segment of each chain in its own frame (5 fingers, 3 segments, 3)."""
-        offsets = np.zeros((5, 3, 3))
+        return self._arrays[1]
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array]:
+        """Both as they are needed at every step of a live view."""
+        roots, offsets = np.array([self.joint_positions[root_joint(finger)] for finger in FINGERS]), np.zeros((5, 3, 3))
         offsets[..., 1] = [[side_sign(self.hand) * self.lengths[s] for s in CHAINS[finger]] for finger in FINGERS]
-        return offsets
+        roots.flags.writeable = offsets.flags.writeable = False
+        return roots, offsets
 
 
 def root_joint(finger: str) -> str:

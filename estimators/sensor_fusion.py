@@ -161,15 +161,17 @@ def _advance(
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
     sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
+    vqf = _vqf(params, state.period)
     flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
     steady: NDArray[np.bool_] = np.logical_and.reduce(whole[:count]) & (count > 0)
     for k, sensor in enumerate(state.sensors):
         if steady[k] and _goes_on(sensor) and not _has_north(sensor, block.values[:, k]):  # what is almost always so
-            after, q_GS[:, k], _ = _filter(params, sensor, state.period, block, block.values[:count, k], 0, count)
-            flags[:, k] |= _headless(sensor)
+            after, q_GS[:, k], _ = _filter(params, sensor, vqf, block, block.values[:count, k], 0, count)
+            if sensor.lost or sensor.start is None:
+                flags[:, k] |= _headless(sensor)
             doubt[:, k] = sensor.doubt
         else:
-            after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, state.period, block, whole[:, k], k, count)
+            after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, vqf, block, whole[:, k], k, count)
             flags[:, k] |= more
         sensors.append(after)
     newest = float(block.t[-1]) if len(block.t) else state.t
@@ -217,7 +219,7 @@ def _before_last_gap(params: FusionParams, sensor: SensorState, t: Array, good: 
 
 
 def _fuse(
-    params: FusionParams, sensor: SensorState, period: float, block: Block, whole: NDArray[np.bool_], k: int, count: int
+    params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, whole: NDArray[np.bool_], k: int, count: int
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
     """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the orientation where nothing is."""
     q_GS, flags, doubt = np.full((count, 4), np.nan), np.zeros(count, np.uint8), np.empty(count)
@@ -226,7 +228,7 @@ def _fuse(
             late = sensor.start is not None and sensor.filter_state is None and block.t[first] - sensor.known_until > params.max_gap
             sensor = replace(sensor, lost=True, doubt=sensor.doubt + LOST_DOUBT) if late else sensor
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
-            sensor, q_GS[first:last], disturbed = _filter(params, sensor, period, block, filled, first, last)
+            sensor, q_GS[first:last], disturbed = _filter(params, sensor, vqf, block, filled, first, last)
             fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
             flags[first:last] = np.where(fresh, np.uint8(0), _headless(sensor)) | np.uint8(Flag.MAGNETIC) * disturbed
             known_now = float(doubt[last - 1]), bool(sensor.lost and not fresh[-1]), bool(sensor.northed or fresh[-1])
@@ -295,11 +297,9 @@ def _or_nan(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _filter(
-    params: FusionParams, sensor: SensorState, period: float, block: Block, samples: Array, first: int, last: int
-) -> tuple[SensorState, Array, NDArray[np.bool_]]:
-    """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
-    vqf = VQF(
+def _vqf(params: FusionParams, period: float) -> VQF:
+    """The library's filter; each sensor's state is put into it in turn."""
+    return VQF(
         period,
         tauAcc=params.tau_acc,
         motionBiasEstEnabled=params.motion_bias,
@@ -310,7 +310,17 @@ def _filter(
         tauMag=params.tau_mag,
         magDistRejectionEnabled=params.mag_rejection,
     )
-    vqf.state = dict(sensor.filter_state if _goes_on(sensor) else _filter_start(vqf.state, sensor, samples[0]))  # type: ignore[arg-type]
+
+
+def _filter(
+    params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, samples: Array, first: int, last: int
+) -> tuple[SensorState, Array, NDArray[np.bool_]]:
+    """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
+    if not _goes_on(sensor):
+        vqf.resetState()
+        vqf.state = _filter_start(vqf.state, sensor, samples[0])
+    else:
+        vqf.state = sensor.filter_state
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
@@ -318,14 +328,20 @@ def _filter(
     else:
         q_GS, disturbed = vqf.updateBatch(gyr, acc)["quat6D"], np.zeros(last - first, bool)
     before, before_t = (samples[-2, :6].copy(), float(block.t[last - 2])) if last - first > 1 else (sensor.last, sensor.last_t)
-    after = replace(
-        sensor,
+    after = SensorState(  # `replace` would cost as much as the filter's step
+        sensor.start,
+        sensor.bias,
+        sensor.known_until,
+        sensor.north,
         filter_state=vqf.state,
         last=samples[-1, :6].copy(),
         last_t=float(block.t[last - 1]),
         previous=None if last - first == 1 and sensor.absent else before,
         previous_t=before_t,
         q_GS=q_GS[-1].copy(),
+        doubt=sensor.doubt,
+        lost=sensor.lost,
+        northed=sensor.northed,
         absent=False,
     )
     return after, q_GS, disturbed & params.mag_rejection
