@@ -15,8 +15,6 @@ from numba import boolean, float64, guvectorize, njit
 from numba.extending import is_jitted
 from numpy.typing import NDArray
 
-Told = Callable[..., NDArray[np.bool_]]
-
 
 class Compiled(Protocol):
     """A kernel over arrays; `row` is what other kernels call for one row of it, with the last argument to be filled."""
@@ -24,6 +22,14 @@ class Compiled(Protocol):
     row: Callable[..., None]
 
     def __call__(self, *arrays: Any) -> NDArray[np.float64]: ...
+
+
+class Told(Protocol):
+    """The same that says yes or no."""
+
+    row: Callable[..., None]
+
+    def __call__(self, *arrays: Any) -> NDArray[np.bool_]: ...
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:

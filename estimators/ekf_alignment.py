@@ -9,47 +9,58 @@ Limits  accelerations of a stream with other instants are interpolated over two 
         its gyroscopes' biases are not found
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
+from estimators.compiled import inlined, rowwise
 from estimators.ekf_updates import GRAVITY
 from estimators.finger_ekf import Samples
 from estimators.forward_kinematics import CHAIN_SEGMENTS
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.missing_samples import complete
+from estimators.missing_samples import complete_row
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream
+from estimators.samples import ACC, GYR, SATURATION, Block, Stream, beyond_row, every
 from estimators.sensor_fusion import LOST_DOUBT
 from estimators.time_base import Rows
 from estimators.trajectory import Flag
 
-_UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)
+MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
 SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
-_JOINTS = np.array([[True] * 3] * 5 + [[True, False, False]])  # (6, 3) which of them are joints: the wrist's chain has one
+_JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])  # (6, 3) which of them are joints: the wrist's chain has one
+
+
+@dataclass(frozen=True)
+class Worn:
+    """Which of a stream's sensors sit on the hand, and how."""
+
+    columns: NDArray[np.intp]  # of the stream
+    segments: NDArray[np.intp]
+    bias: Array  # (worn, 3) rad/s, as the calibration has it
+    q_BS: Array  # (worn, 4)
 
 
 @dataclass(frozen=True)
 class Waiting:
-    """Samples of a stream in segment frames, the calibration's biases removed; NaN where not to be used."""
+    """Samples of a stream's sensors on the hand in segment frames, the calibration's biases removed; NaN where not to be used."""
 
     stream: Stream
+    worn: Worn
     period: float  # s, between samples as they come
     t: Array  # (n,)
-    gyr: Array  # (n, sensors, 3) rad/s
-    acc: Array  # (n, sensors, 3) m/s^2
+    gyr: Array  # (n, worn, 3) rad/s
+    acc: Array  # (n, worn, 3) m/s^2
 
 
 @dataclass(frozen=True)
 class State:
     strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
-    bias: Array  # (segments, 3) rad/s, as the calibration has it
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
@@ -57,100 +68,152 @@ class State:
 
 
 def start(calibration: Calibration) -> State:
-    bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in SEGMENTS])
-    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), bias)
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]))
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
     """Keep a block's samples until their rows come."""
-    fresh = _in_segments(block, calibration, state.bias, q_SB)
     before = state.waiting.get(block.stream.name)
-    if before is not None and before.stream == block.stream:
-        t, gyr, acc = (np.concatenate([getattr(before, n), getattr(fresh, n)]) for n in ("t", "gyr", "acc"))
-        fresh = replace(fresh, t=t, gyr=gyr, acc=acc)
-    return replace(state, waiting={**state.waiting, block.stream.name: fresh})
+    if before is None or before.stream != block.stream:
+        before = _nothing(block.stream, calibration, q_SB)
+    if not len(before.worn.columns):
+        return state
+    gyr, acc = _seen(before.worn, block)
+    t, gyr, acc = (np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc)))
+    return replace(state, waiting={**state.waiting, block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc)})
 
 
 def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float) -> tuple[State, Samples]:
     """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
     `fused`: the vertical is that of the orientations, else the accelerometers'."""
-    first = state.q_GB if state.q_GB is not None else q_GB[0]
-    step = quat.relative(np.concatenate([first[None], q_GB[:-1]]), q_GB)
-    turn = quat.log(np.where(np.isnan(step), quat.IDENTITY, step))
+    q_first, doubt_first = (q_GB[0], rows.doubt[0]) if state.q_GB is None or state.doubt is None else (state.q_GB, state.doubt)
+    before = np.concatenate([q_first[None], q_GB[:-1]]), np.concatenate([doubt_first[None], rows.doubt[:-1]])
     dt = np.diff(rows.t, prepend=state.t if np.isfinite(state.t) else rows.t[0])
-    bias_time, acc = np.zeros(turn.shape[:2]), np.full(turn.shape, np.nan)
+    rate = np.full((len(rows.t), len(SEGMENTS), 3), np.nan)
+    acc = rate.copy()
     for waiting in state.waiting.values():
-        _place(waiting, rows.t, dt, instant, turn, bias_time, None if fused else acc)
-    grown = np.maximum(np.diff(rows.doubt, axis=0, prepend=(rows.doubt[:1] if state.doubt is None else state.doubt[None])), 0.0)
+        _place(waiting, rows.t, dt, instant, rate, None if fused else acc)
+    strange, appears = _appearing(state.strange, q_GB)
+    numbers = float(fused), LOST_DOUBT / max(max_gap, 0.01)
+    turn, bias_time, force, grown, known, q_first = _of_chains(
+        SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, appears, rate, acc
+    )
+    t = float(rows.t[-1])
+    kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
+    after = State(strange, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
+    return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first)
+
+
+def _appearing(strange: NDArray[np.bool_], q_GB: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
+    if not strange.any():
+        return strange, np.zeros(len(SEGMENTS))
     present = np.isfinite(q_GB[..., 0])
-    # the fusion counts a gap once; what is silent goes on turning
-    held = ((rows.flags & Flag.MISSING) != 0) & (turn == 0).all(axis=-1) & present
-    grown += np.where(held, LOST_DOUBT / max(max_gap, 0.01) * dt[:, None], 0.0)
-    appears = state.strange & present & (np.cumsum(present, axis=0) == 1)
-    grown += np.where(appears, LOST_DOUBT, 0.0)
-    if fused:
-        acc = GRAVITY * _upwards(q_GB)
-    acc[(rows.flags & _UNSURE) != 0] = np.nan
-    known = present[:, SENSORS[:, :3]] & present[:, SENSORS[:, 1:]] & _JOINTS
-    q_first = np.where(known[..., None], quat.relative(q_GB[:, SENSORS[:, :3]], q_GB[:, SENSORS[:, 1:]]), quat.IDENTITY)
-    kept = {name: _pruned(w, float(rows.t[-1])) for name, w in state.waiting.items()}
-    samples = Samples(rows.t, turn[:, SENSORS], bias_time[:, SENSORS], acc[:, SENSORS], grown[:, SENSORS], known, q_first)
-    after = replace(
-        state,
-        strange=state.strange & ~present.any(axis=0),
-        waiting=kept,
-        t=float(rows.t[-1]),
-        q_GB=q_GB[-1].copy(),
-        doubt=rows.doubt[-1].copy(),
-    )
-    return after, samples
+    first = strange & present & (np.cumsum(present, axis=0) == 1)
+    return strange & ~present.any(axis=0), np.where(first, LOST_DOUBT, 0.0)
 
 
-def _upwards(q_GB: Array) -> Array:
-    """The vertical (..., 3) in each frame: the last row of its rotation matrix."""
-    w, x, y, z = (q_GB[..., k] for k in range(4))
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1)
+def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
+    """A stream before its first samples."""
+    columns = [k for k, name in enumerate(stream.sensors) if name in SEGMENT]
+    names = [stream.sensors[k] for k in columns]
+    segments = np.array([SEGMENT[name] for name in names], np.intp)
+    bias = np.array([calibration.gyr_bias.get(name, np.zeros(3)) for name in names]).reshape(-1, 3)
+    worn = Worn(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
+    nothing = np.empty((0, len(columns), 3))
+    return Waiting(stream, worn, 1.0 / calibration.rates.get(stream.name, stream.rate), np.empty(0), nothing, nothing)
 
 
-def _in_segments(block: Block, calibration: Calibration, bias: Array, q_SB: Array) -> Waiting:
-    """Calibrated samples in segment frames; NaN where missing or at the sensor's limit."""
-    gyr, acc, whole = block.of(GYR), block.of(ACC), complete(block)
-    columns, segments = worn(block.stream.sensors)
-    known_bias, q_BS = np.zeros((len(whole.T), 3)), np.tile(quat.IDENTITY, (len(whole.T), 1))
-    known_bias[columns], q_BS[columns] = bias[segments], quat.conjugate(q_SB[segments])
-    return Waiting(
-        block.stream,
-        1.0 / calibration.rates.get(block.stream.name, block.stream.rate),
-        block.t,
-        np.where((whole & ~block.at_limit(GYR))[..., None], quat.rotate(q_BS, gyr - known_bias), np.nan),
-        np.where((whole & ~block.at_limit(ACC))[..., None], quat.rotate(q_BS, acc), np.nan),
-    )
+def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
+    """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
+    limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
+    gyr, acc = _in_segments(block.of(GYR)[:, worn.columns], block.of(ACC)[:, worn.columns], worn.bias, worn.q_BS, *limits)
+    return gyr, acc
 
 
-@cache
-def worn(sensors: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Which of a stream's sensors sit on the hand, and on which segments."""
-    columns = [k for k, name in enumerate(sensors) if name in SEGMENT]
-    return np.array(columns, np.intp), np.array([SEGMENT[sensors[k]] for k in columns], np.intp)
+@rowwise("(v),(v),(v),(q),(),()->(v),(v)")
+def _in_segments(gyr: Array, acc: Array, bias: Array, q_BS: Array, fastest: float, hardest: float, rate: Array, force: Array) -> None:
+    told, unbiased = np.empty(1, np.bool_), np.empty(3)
+    complete_row(gyr, acc, told)
+    whole = told[0]
+    for a in range(3):
+        unbiased[a] = gyr[a] - bias[a]
+    quat.rotate_row(q_BS, unbiased, rate)
+    quat.rotate_row(q_BS, acc, force)
+    beyond_row(gyr, fastest, told)
+    if not whole or told[0]:
+        rate[0], rate[1], rate[2] = math.nan, math.nan, math.nan
+    beyond_row(acc, hardest, told)
+    if not whole or told[0]:
+        force[0], force[1], force[2] = math.nan, math.nan, math.nan
 
 
-def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, turn: Array, bias_time: Array, acc: Array | None) -> None:
-    """Write a stream's own samples over the turns of the fusion, and its specific forces where they are asked for."""
-    sensors, segments = worn(waiting.stream.sensors)
-    if not len(sensors) or len(waiting.t) == 0:
+@inlined
+def _up_row(q_GB: Array, up: Array) -> None:
+    """The vertical in a frame: the last row of its rotation matrix."""
+    w, x, y, z = q_GB[0], q_GB[1], q_GB[2], q_GB[3]
+    up[0], up[1], up[2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
+
+
+@rowwise("(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)")
+def _of_chains(
+    sensors: Array, joints: Array, fused: float, silent: float, dt: float,
+    q_before: Array, doubt_before: Array, q_GB: Array, doubt: Array, flags: Array, appears: Array, rate: Array, acc: Array,
+    turn: Array, bias_time: Array, force: Array, grown: Array, known: Array, q_first: Array,
+) -> None:  # fmt: skip
+    """What every sensor of every chain turned by: by its own rates where it has them, else by its fusion's orientations, which bridge what is missing.
+
+    The fusion counts a gap once; what is silent goes on turning: by the variance `silent` a second.
+    """
+    by, step, w = np.empty((q_GB.shape[0], 3)), np.empty(4), np.empty(3)
+    timed, more = np.zeros(q_GB.shape[0]), np.empty(q_GB.shape[0])
+    for s in range(q_GB.shape[0]):
+        present = math.isfinite(q_GB[s, 0])
+        more[s] = max(doubt[s] - doubt_before[s], 0.0)
+        if math.isfinite(rate[s, 0] + rate[s, 1] + rate[s, 2]):
+            timed[s] = dt
+            for a in range(3):
+                by[s, a] = rate[s, a] * dt
+        else:
+            quat.relative_row(q_before[s], q_GB[s], step)
+            quat.log_row(step, w, w)
+            for a in range(3):
+                by[s, a] = w[a] if math.isfinite(w[a]) else 0.0
+        if present and int(flags[s]) & MISSING and by[s, 0] == 0 and by[s, 1] == 0 and by[s, 2] == 0:
+            more[s] += silent * dt
+        more[s] += appears[s]
+    for c in range(sensors.shape[0]):
+        for k in range(sensors.shape[1]):
+            s = int(sensors[c, k])
+            bias_time[c, k], grown[c, k] = timed[s], more[s]
+            unsure = int(flags[s]) & UNSURE
+            _up_row(q_GB[s], w)
+            for a in range(3):
+                turn[c, k, a] = by[s, a]
+                force[c, k, a] = math.nan if unsure else (GRAVITY * w[a] if fused > 0 else acc[s, a])
+        for j in range(joints.shape[1]):
+            p, s = int(sensors[c, j]), int(sensors[c, j + 1])
+            known[c, j] = joints[c, j] if math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0]) else 0.0
+            if known[c, j] > 0:
+                quat.relative_row(q_GB[p], q_GB[s], q_first[c, j])
+            else:
+                for a in range(4):
+                    q_first[c, j, a] = 1.0 if a == 0 else 0.0
+
+
+def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, rate: Array, acc: Array | None) -> None:
+    """Write a stream's own rates where it has a sample at the row and the one before, and its specific forces where they are asked for."""
+    if len(waiting.t) == 0:
         return
     after = np.minimum(np.searchsorted(waiting.t, t), len(waiting.t) - 1)
     before = np.maximum(after - 1, 0)
-    period = waiting.period
-    here = waiting.t[after] == t
-    gyr = waiting.gyr[:, sensors]
-    rates = 0.5 * (gyr[after] + gyr[before]) if instant else gyr[after]
-    regular = here & (np.abs(dt - period) < 0.25 * period) & (np.abs(waiting.t[after] - waiting.t[before] - period) < 0.25 * period)
-    own = regular[:, None] & np.isfinite(rates).all(axis=-1)
-    turn[:, segments] = np.where(own[..., None], rates * dt[:, None, None], turn[:, segments])
-    bias_time[:, segments] = np.where(own, dt[:, None], bias_time[:, segments])
+    period, segments, at = waiting.period, waiting.worn.segments, waiting.t[after]
+    regular = (at == t) & (np.abs(dt - period) < 0.25 * period) & (np.abs(at - waiting.t[before] - period) < 0.25 * period)
+    rates = 0.5 * (waiting.gyr[after] + waiting.gyr[before]) if instant else waiting.gyr[after]
+    own = regular[:, None] & every(np.isfinite(rates))
+    rate[:, segments] = np.where(own[..., None], rates, rate[:, segments])
     if acc is not None:
-        acc[:, segments] = _between(waiting.t, waiting.acc[:, sensors], t, before, after, 1.5 * period, acc[:, segments])
+        acc[:, segments] = _between(waiting.t, waiting.acc, t, before, after, 1.5 * period, acc[:, segments])
 
 
 def _between(
@@ -168,4 +231,5 @@ def _between(
 def _pruned(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(np.searchsorted(waiting.t, t, side="right")) - 1, 0)
-    return replace(waiting, t=waiting.t[first:], gyr=waiting.gyr[first:], acc=waiting.acc[first:])
+    kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:]
+    return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)

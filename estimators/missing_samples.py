@@ -26,6 +26,9 @@ def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
     told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
 
 
+complete_row = _complete.row  # as other kernels call it
+
+
 def with_missing_instants(block: Block, newest: float, period: float, max_gap: float) -> tuple[Block, NDArray[np.bool_]]:
     """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
     previous = np.concatenate([[newest], block.t[:-1]])

@@ -127,6 +127,9 @@ def beyond(vector: Array, limit: float, told: NDArray[np.bool_]) -> None:
     told[0] = abs(vector[0]) >= limit or abs(vector[1]) >= limit or abs(vector[2]) >= limit
 
 
+beyond_row = beyond.row  # as other kernels call it
+
+
 def join(blocks: list[Block]) -> Block:
     """One block of consecutive blocks of the same stream."""
     return Block(blocks[0].stream, np.concatenate([b.t for b in blocks]), np.concatenate([b.values for b in blocks]))

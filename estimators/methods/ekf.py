@@ -13,7 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_alignment, ekf_deviations, finger_ekf, forward_kinematics, functional_steps, joint_angles, sensor_fusion, time_base
+from estimators import (
+    ekf_alignment,
+    ekf_deviations,
+    finger_ekf,
+    forward_kinematics,
+    functional_steps,
+    joint_angles,
+    sensor_fusion,
+    time_base,
+)
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.ekf_alignment import SENSORS
