@@ -90,6 +90,10 @@ def heard(
         there = searched(s, x, P, mag, places, moment, lever, centre, 1.0)
         there, _, less = magnetic(s, x, P, there, mag, places, moment, lever, 1.0, 1.0)
         start = there if less < cost - EVIDENCE else here
+        if less < cost - EVIDENCE:  # what led astray would lead back: readings count for less below
+            found = moved(x, there)
+            forgotten(s, x, P, found[0:3], 0.0)
+            start, grown = np.zeros(24), 1.0
     dx, C, _ = magnetic(s, x, P, start, mag, places, moment, lever, slow, grown)
     put(C, P)
     out: Array = moved(x, dx)

@@ -78,13 +78,13 @@ def test_nothing_depends_on_where_blocks_are_cut(both: tuple[Motion, Setup, Read
 
 
 def test_out_of_reach_for_ten_seconds_and_back() -> None:
-    """Known again soon after; where it is not, it says so (four of six such recordings take longer than the two seconds wanted)."""
-    for seed in (2, 3, 4):
+    """Known to 25 mm two seconds after it is back; where it is not known, it says so."""
+    for seed in (2, 3, 6):  # before what led astray was forgotten 3 and 6 came back to a wrong place
         m = sim.away(sim.condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0)
         setup, readings = _made(m, seed)
         track = tracking.tracked(PARAMS, setup, readings)
         off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
-        assert off[m.t > 34.0].max() < 0.03
+        assert off[m.t > 28.5 + 2.0].max() < 0.025
         assert ((off < 4 * sd) | track.doubtful)[away].all(), "what it does not know it does not say"
 
 
