@@ -1,16 +1,13 @@
-"""The report of a kept result: gathered from the database and computed anew."""
+"""The report of a kept result: what was computed with it, and what the database knows of the visit now."""
 
+from dataclasses import replace
 from typing import Literal, cast
 
 from sqlalchemy.orm import object_session
 
-from app.options import with_options
-from app.protocols import load_all
 from app.report.changes import Changes, changes
-from app.report.content import Content, Visit, content
-from app.results import assessed, computed
-from app.version import software_version
-from estimators.methods import METHODS
+from app.report.content import Content, Visit
+from app.results import load_report
 from sessions import records, repeatability
 from sessions.course import Course, course
 from sessions.store import Store
@@ -34,7 +31,6 @@ def course_of(result: Result) -> Course | None:
 
 def report(store: Store, result: Result) -> Content:
     """What the report of a result says."""
-    recording, processed = computed(store, result)
     session, patient = result.recording.session, result.recording.session.patient
     visit = Visit(
         patient=patient.pseudonym,
@@ -44,18 +40,5 @@ def report(store: Store, result: Result) -> Content:
         affected=cast(Literal["left", "right", "both"] | None, patient.affected_hand),
         notes=session.notes,
     )
-    tasks = assessed(result.method, recording, processed)
-    params = with_options(METHODS[result.method].Params, result.parameters)
-    return content(
-        visit,
-        recording,
-        processed,
-        result.method,
-        params,
-        tasks,
-        software_version(),
-        load_all(),
-        changes_of(result),
-        course_of(result),
-        result.corrections,
-    )
+    changed, gone = changes_of(result), course_of(result)
+    return replace(load_report(store, result), visit=visit, date=session.started, changes=changed, course=gone)

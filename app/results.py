@@ -1,4 +1,4 @@
-"""Make results: process a kept recording, assess it, keep figures for pages and a thinned trajectory for replay.
+"""Make results: process a kept recording, assess it, keep figures for pages, a thinned trajectory for replay, and what a report says.
 
 Runs in a process of its own (app/jobs.py), so that a long computation never holds up a live view.
 """
@@ -16,6 +16,9 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from app.options import with_options
+from app.protocols import load_all
+from app.report.content import Content, Visit, content
+from app.report.kept import packed, unpacked
 from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENT
 from estimators.measures.accuracy import accuracy_of
@@ -49,7 +52,8 @@ def make(store: Store, result_id: int) -> None:
             _settle(db, store, result)
         except StaleDataError:
             db.rollback()
-            store.path_of(replay_file(result_id)).unlink(missing_ok=True)
+            for file in store.result_files(result_id):
+                store.path_of(file).unlink(missing_ok=True)
 
 
 def _settle(db: Session, store: Store, result: Result) -> None:
@@ -68,6 +72,7 @@ def _make(db: Session, store: Store, result: Result) -> None:
     recording, processed = computed(store, result, lambda share: _progress(db, result, share))
     tasks = assessed(result.method, recording, processed)
     save_replay(store, result.id, processed.trajectory)
+    save_report(store, result, recording, processed, tasks)
     result.figures = [row for t in tasks for row in figure_rows(t)]
     result.content = page_content(processed, tasks, recording)
     result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
@@ -141,6 +146,28 @@ def load_replay(store: Store, result: Result) -> dict[str, Any]:
     if not path.exists():
         save_replay(store, result.id, computed(store, result)[1].trajectory)
     return _read(path, path.stat().st_mtime_ns)
+
+
+def report_file(result_id: int) -> str:
+    return f"results/{result_id}.report.npz"
+
+
+def save_report(store: Store, result: Result, recording: LoadedRecording, processed: Processed, tasks: list[TaskResult]) -> Content:
+    """Keep what a report says of the recording; it can be made again at any time."""
+    params = with_options(METHODS[result.method].Params, result.parameters)
+    nobody, version, corrected = Visit(patient=""), result.version, result.corrections
+    said = content(nobody, recording, processed, result.method, params, tasks, version, load_all(), corrections=corrected)
+    save_file(packed(said), store.path_of(report_file(result.id)))
+    return said
+
+
+def load_report(store: Store, result: Result) -> Content:
+    """What a report says of the recording, of nobody's visit; made anew where its file is gone or of another form."""
+    path = store.path_of(report_file(result.id))
+    if path.exists() and (said := unpacked(path.read_bytes())) is not None:
+        return said
+    recording, processed = computed(store, result)
+    return save_report(store, result, recording, processed, assessed(result.method, recording, processed))
 
 
 @lru_cache(maxsize=4)

@@ -67,7 +67,11 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(client: TestClient
     kept = client.get(f"/api/recordings/{file['id']}/file")
     assert kept.content == packed
     base = f"/api/results/{result['id']}"
-    assert client.get(f"{base}/report.pdf").content.startswith(b"%PDF")
+    made = client.get(f"{base}/report.pdf").content
+    assert made.startswith(b"%PDF")
+    (settings.data / "results" / f"{result['id']}.report.npz").unlink()  # made anew from the recording it is the same, and kept again
+    assert client.get(f"{base}/report.pdf").content == made
+    assert (settings.data / "results" / f"{result['id']}.report.npz").exists()
     assert b"index_pip_flexion_max" in client.get(f"{base}/report.csv").content
     assert client.get(f"{base}/report.json").json()
     assert client.get(f"{base}/report.docx").status_code == 404
