@@ -32,7 +32,7 @@ from estimators.trajectory import Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
-BEGUN = "map is an experiment: where sensors have scale errors its standard deviations are several times too small (docs/methods.md)"
+BEGUN = "map is an experiment: fingers are calibrated one after the other (docs/methods.md)"
 
 
 @dataclass(frozen=True, kw_only=True)

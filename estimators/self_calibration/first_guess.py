@@ -27,7 +27,8 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings) -> Unknowns:
         q_GS[:, j] = quat.headed(q_GS[:, j], heading)
     pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
     axes = np.array(pairs).reshape(-1, 2, 3)
-    return Unknowns(q_GS, far, near, bias, np.zeros_like(bias), axes[:, 0], axes[:, 1], np.zeros_like(far), np.zeros_like(far), np.zeros(1))
+    none, whole = np.zeros((len(far), 3)), np.zeros((len(bias), 3, 3))
+    return Unknowns(q_GS, far, near, bias, np.zeros_like(bias), whole, whole, axes[:, 0], axes[:, 1], none, none, np.zeros(1))
 
 
 def fused(readings: Readings) -> tuple[Array, Array]:

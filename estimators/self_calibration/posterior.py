@@ -21,6 +21,7 @@ from estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
+LEAST_SCALE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,29 @@ def _changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
 
 
 def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
-    """The sizes of errors as they were met: of accelerations, hinges and skin."""
+    """The sizes of errors as they were met: of accelerations, hinges, skin, scales."""
     noise, c, met = problem.noise, columns(problem.chain), sizes(problem, at, factor)
     variance = np.diag(factor.covariance)
-    turn = np.sqrt(np.mean(at.skin_turn.ravel() ** 2 + variance[c.skin_turn])) * np.pi / 2
-    slide = np.sqrt(np.mean(at.skin_slide.ravel() ** 2 + variance[c.skin_slide])) * np.pi / 2
+    quarter = np.pi / 2
+    turn = _spread(at.skin_turn, variance[c.skin_turn], np.radians(noise.skin_turn) / quarter)
+    slide = _spread(at.skin_slide, variance[c.skin_slide], 1e-3 * noise.skin_slide / quarter)
+    scales = np.concatenate([at.scale_gyr.ravel(), at.scale_acc.ravel()])
     return replace(
         noise,
         acc=max(
             noise.acc * met.meeting / float(np.linalg.norm(NUMEROV)), LEAST_ACC
         ),  # a mean of three samples hides noise of high frequency only
         hinge=max(noise.hinge * met.hinging, LEAST_HINGE),
-        skin_turn=max(float(np.degrees(turn)), LEAST_TURN),
-        skin_slide=max(float(1e3 * slide), LEAST_SLIDE),
+        skin_turn=max(float(np.degrees(turn * quarter)), LEAST_TURN),
+        skin_slide=max(1e3 * slide * quarter, LEAST_SLIDE),
+        scale=max(_spread(scales, np.concatenate([variance[c.scale_gyr], variance[c.scale_acc]]), noise.scale), LEAST_SCALE),
     )
+
+
+def _spread(found: Array, variance: Array, believed: float) -> float:
+    """The standard deviation of unknowns that were believed to spread by `believed` about 0. Source: MacKay 1992, Bayesian interpolation, (4.9)."""
+    told = found.size - float(variance.sum()) / believed**2  # of how many the readings speak
+    return float(np.sqrt((found**2).sum() / told)) if told > 1 else believed
 
 
 def strange(problem: Problem, at: Unknowns) -> Array:

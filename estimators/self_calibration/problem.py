@@ -46,6 +46,13 @@ class Noise:
     acc_bias: float = option(
         0.2, "m/s^2", "bias of an accelerometer", "MPU-9250 product specification: 60 mg before calibration; size ours"
     )
+    scale: float = option(
+        0.005,
+        "1",
+        "scale and cross-axis errors of a sensor: each entry of its matrix",
+        "left after a strip's calibration, Salchow-Hoemmen 2019, 2.1; size ours. Sensors never calibrated: 0.03",
+        least=1e-6,
+    )
     place: float = option(0.1, "m", "distance of a joint's centre from a sensor", "Kortier, thesis 4.3.1: 1; a hand's size")
     bone: float = option(
         0.5,
@@ -130,6 +137,8 @@ class Unknowns:
     near: Array  # (J, 3) m, from the child's sensor
     bias_gyr: Array  # (S, 3) rad/s
     bias_acc: Array  # (S, 3) m/s^2
+    scale_gyr: Array  # (S, 3, 3) what is to be added to a rate, as a share of it
+    scale_acc: Array  # (S, 3, 3) the same of a specific force
     axis_far: Array  # (H, 3) unit, axis of a hinge in the frame of the parent's sensor
     axis_near: Array  # (H, 3) unit, in that of the child's
     skin_turn: Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
@@ -145,6 +154,8 @@ class Columns:
     near: slice
     bias_gyr: slice
     bias_acc: slice
+    scale_gyr: slice
+    scale_acc: slice
     axis_far: slice
     axis_near: slice
     skin_turn: slice
@@ -209,7 +220,7 @@ def turned(w: Array, dt: float) -> Array:
 def columns(chain: Chain) -> Columns:
     """The layout of the parameters' increment."""
     J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
-    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1]).tolist()
+    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1]).tolist()
     return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
 
 
@@ -223,6 +234,8 @@ def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknow
         near=at.near + parameters[c.near].reshape(-1, 3),
         bias_gyr=at.bias_gyr + parameters[c.bias_gyr].reshape(-1, 3),
         bias_acc=at.bias_acc + parameters[c.bias_acc].reshape(-1, 3),
+        scale_gyr=at.scale_gyr + parameters[c.scale_gyr].reshape(-1, 3, 3),
+        scale_acc=at.scale_acc + parameters[c.scale_acc].reshape(-1, 3, 3),
         axis_far=tilted(at.axis_far, parameters[c.axis_far].reshape(-1, 2)),
         axis_near=tilted(at.axis_near, parameters[c.axis_near].reshape(-1, 2)),
         skin_turn=at.skin_turn + parameters[c.skin_turn].reshape(-1, 3),

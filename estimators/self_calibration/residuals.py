@@ -35,23 +35,30 @@ def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.8), (4.17c): between two samples a sensor turns by what its gyroscope read less its bias."""
     S, c, dt = len(problem.chain.sensors), columns(problem.chain), problem.dt
     stop = min(stop, len(problem) - 1)
-    phi = problem.turns[start:stop] - dt * at.bias_gyr + at.delay * problem.later[start:stop]
+    felt = problem.turns[start:stop]
+    phi = felt + np.einsum("sij,tsj->tsi", at.scale_gyr, felt) - dt * at.bias_gyr + at.delay * problem.later[start:stop]
     q_ab = quat.relative(at.q_GS[start:stop], at.q_GS[start + 1 : stop + 1])
     r = quat.log(quat.multiply(quat.exp(-phi), q_ab))
     sd = problem.turn_sd[start:stop, :, None]
     T = len(r)
     right, left = inverse_jacobian(r), inverse_jacobian(-r)
     by = np.zeros((T, S, 3, 2, S, 3))
-    by_parameters = np.zeros((T, S, 3, 3 * S + 1))
+    by_parameters = np.zeros((T, S, 3, 12 * S + 1))
     of_phi = -left @ right_jacobian(phi) / sd[..., None]
     back = -right @ quat.matrix(quat.conjugate(q_ab)) / sd[..., None]
     for s in range(S):
         by[:, s, :, 1, s] = right[:, s] / sd[:, s, :, None]
         by[:, s, :, 0, s] = back[:, s]
         by_parameters[:, s, :, 3 * s : 3 * s + 3] = -dt * of_phi[:, s]
+        by_parameters[:, s, :, 3 * S + 9 * s : 3 * S + 9 * s + 9] = (of_phi[:, s, :, :, None] * felt[:, s, None, None]).reshape(T, 3, 9)
     by_parameters[..., -1] = np.einsum("tsij,tsj->tsi", of_phi, problem.later[start:stop])
     return Terms(
-        start, 2, (r / sd).reshape(T, -1), by.reshape(T, 3 * S, -1), by_parameters.reshape(T, 3 * S, -1), _cols(c.bias_gyr, c.delay)
+        start,
+        2,
+        (r / sd).reshape(T, -1),
+        by.reshape(T, 3 * S, -1),
+        by_parameters.reshape(T, 3 * S, -1),
+        _cols(c.bias_gyr, c.scale_gyr, c.delay),
     )
 
 
@@ -59,17 +66,20 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.9), (4.10b), (4.11), (4.12), (4.17a, b): the two segments of a joint have its centre in common, always, so their accelerations there agree.
 
     The place of a joint is that of a sensor and an arm in its frame; its second difference over three samples is exact (Numerov), no rate is
-    differentiated, gravity cancels. A sensor's noise is seen by all of its joints: the rows of a sample are whitened together.
+    differentiated, gravity cancels. A sensor's noise is seen by all of its joints: the rows of a sample are whitened together. Noise grows with the accelerometers' common
+    scale: without that a small world would look like a quiet one.
     """
     chain, c, dt = problem.chain, columns(problem.chain), problem.dt
     start, stop = max(start, 1), min(stop, len(problem) - 1)
     T, J, S = stop - start, len(chain.joints), len(chain.sensors)
     at_three = np.arange(start, stop)[:, None] + np.arange(-1, 2)
     R = quat.matrix(at.q_GS[start - 1 : stop + 1])[at_three - (start - 1)]  # (T, 3, S, 3, 3)
-    f = (problem.acc - at.bias_acc)[at_three]  # (T, 3, S, 3)
+    read = problem.acc[start - 1 : stop + 1]
+    f = _true(at, read)[at_three - (start - 1)]  # (T, 3, S, 3)
     e, by = np.zeros((T, J, 3)), np.zeros((T, J, 3, 3, S, 3))
-    by_parameters = np.zeros((T, J, 3, 12 * J + 3 * S))
+    by_parameters = np.zeros((T, J, 3, 12 * J + 12 * S))
     felt = np.einsum("k,tksij->tsij", NUMEROV, R)
+    scaled = np.einsum("k,tksij,tksl->tsijl", NUMEROV, R, read[at_three - (start - 1)]).reshape(T, S, 3, 9)
     turned = SECOND_DIFFERENCE[:, None, None, None] / dt**2 * R
     for k in range(J):
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
@@ -80,14 +90,17 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             swung = turned[:, :, s].sum(axis=1)
             by_parameters[:, k, :, place : place + 3] = sign * swung
             by_parameters[:, k, :, 12 * J + 3 * s : 12 * J + 3 * s + 3] = -sign * felt[:, s]
+            by_parameters[:, k, :, 12 * J + 3 * S + 9 * s : 12 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
                 pulling = np.einsum("tk,tkij->tij", bent, turned[:, :, s])
                 by_parameters[:, k, :, place : place + 3] -= sign * pulling @ quat.skew(c_S)
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * pulling @ quat.skew(still)
                 by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * pulling
     L = whitening(problem, start, stop)
-    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) for x in (e, by, by_parameters)]
-    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.bias_acc)
+    grown = 1 + np.trace(at.scale_acc, axis1=1, axis2=2).mean() / 3
+    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (e, by, by_parameters)]
+    mixed[2][..., 12 * J + 3 * S :] -= mixed[0] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.bias_acc, c.scale_acc)
     return Terms(start - 1, 3, mixed[0][..., 0], mixed[1], mixed[2], cols)
 
 
@@ -144,12 +157,19 @@ def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     c, S = columns(problem.chain), len(problem.chain.sensors)
     stop = min(stop, len(problem))
     sd = problem.noise.still
-    R, f = quat.matrix(at.q_GS[start:stop, 0]), problem.acc[start:stop, 0] - at.bias_acc[0]
+    read = problem.acc[start:stop]
+    R, f = quat.matrix(at.q_GS[start:stop, 0]), _true(at, read)[:, 0]
     r = (np.einsum("tij,tj->ti", R, f) - [0.0, 0.0, GRAVITY]) / sd
     by = np.zeros((stop - start, 3, S, 3))
     by[:, :, 0] = -R @ quat.skew(f) / sd
-    first = c.bias_acc.start
-    return Terms(start, 1, r, by.reshape(stop - start, 3, -1), -R / sd, np.arange(first, first + 3))
+    scaled = (R[..., None] * read[:, 0, None, None] / sd).reshape(-1, 3, 9)
+    cols = np.concatenate([c.bias_acc.start + np.arange(3), c.scale_acc.start + np.arange(9)])
+    return Terms(start, 1, r, by.reshape(stop - start, 3, -1), np.concatenate([-R / sd, scaled], axis=2), cols)
+
+
+def _true(at: Unknowns, read: Array) -> Array:
+    """Specific forces (T, S, 3) of what accelerometers read."""
+    return np.asarray(read + np.einsum("sij,tsj->tsi", at.scale_acc, read) - at.bias_acc)
 
 
 def beginning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
@@ -176,6 +196,8 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
         (c.near, at.near, noise.place),
         (c.bias_gyr, at.bias_gyr, np.radians(noise.gyr_bias)),
         (c.bias_acc, at.bias_acc, noise.acc_bias),
+        (c.scale_gyr, at.scale_gyr, noise.scale),
+        (c.scale_acc, at.scale_acc, noise.scale),
         (c.skin_turn, at.skin_turn, np.radians(noise.skin_turn) / (np.pi / 2)),
         (c.skin_slide, at.skin_slide, 1e-3 * noise.skin_slide / (np.pi / 2)),
         (c.delay, at.delay, 1e-3 * noise.delay),

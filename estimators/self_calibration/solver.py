@@ -6,7 +6,7 @@ Source  Kortier, thesis (4.7), (4.19); damping: Nielsen 1999, IMM-REP-1999-05; o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,7 +27,8 @@ class Limits:
     least_gain: float = (
         0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
     )
-    rounds: int = 3  # in which the sizes of errors are learnt and knocks are found
+    rough_gain: float = 0.5  # the same in rounds before the last
+    rounds: int = 4  # in which the sizes of errors are learnt and knocks are found
     knock: float = 4.0  # beyond so many standard deviations a sample counts as if its noise were larger
 
 
@@ -44,13 +45,12 @@ def solve(
     problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
 ) -> Solution:
     """Go down from `start`; `go_on` hears iteration and cost after every step and stops it by saying no."""
-    at, damping, growth = start, 1e-4, 2.0
+    at, damping, growth = start, 1e-9, 2.0
     costs: list[float] = [cost(problem, at)]
     outcome: Outcome = "not converged"
     for k in range(limits.iterations):
         problem = bent(problem, at)
-        costs[-1] = cost(problem, at)
-        normal = built(problem, at)
+        normal, costs[-1] = built(problem, at)
         while True:
             try:
                 step = normal_equations.step(normal, normal_equations.factored(normal, damping))
@@ -73,21 +73,22 @@ def solve(
         if not go_on(k + 1, reached):
             outcome = "stopped"
             break
-    return Solution(at, problem, outcome, tuple(costs), normal_equations.factored(built(problem, at)))
+    return Solution(at, problem, outcome, tuple(costs), normal_equations.factored(built(problem, at)[0]))
 
 
 def learnt(
     problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
 ) -> Solution:
     """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
-    found, steps = solve(_without_knocks(problem, start, GROSS), start, limits, go_on), 0
-    for _ in range(limits.rounds - 1):
+    rough = replace(limits, least_gain=limits.rough_gain)
+    found, steps = solve(_without_knocks(problem, start, GROSS), start, rough, go_on), 0
+    for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
         doubted = _without_knocks(found.problem, found.at, limits.knock)
         noise = posterior.learnt(doubted, found.at, found.factor)
-        found = solve(resized(doubted, noise), found.at, limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
+        found = solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
     return found
 
 
@@ -106,14 +107,17 @@ def cost(problem: Problem, at: Unknowns) -> float:
     return total
 
 
-def built(problem: Problem, at: Unknowns) -> normal_equations.Normal:
-    """The normal equations at a place."""
+def built(problem: Problem, at: Unknowns) -> tuple[normal_equations.Normal, float]:
+    """The normal equations at a place, and its cost."""
     each = 3 * len(problem.chain.sensors)
     normal = normal_equations.empty(len(problem), each, columns(problem.chain).count)
+    r, K = residuals.priors(problem, at)
+    total = 0.5 * float((r**2).sum())
     for start in range(0, len(problem), CHUNK):
         for kind in residuals.EVERY_SAMPLE:
-            normal_equations.add(normal, kind(problem, at, start, start + CHUNK))
-    r, K = residuals.priors(problem, at)
+            terms = kind(problem, at, start, start + CHUNK)
+            normal_equations.add(normal, terms)
+            total += 0.5 * float((terms.r**2).sum())
     normal.C[...] += K.T @ K
     normal.c[...] += K.T @ r
-    return normal
+    return normal, total

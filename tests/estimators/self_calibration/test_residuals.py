@@ -30,7 +30,15 @@ def _somewhere() -> tuple[Problem, Unknowns]:
     axes /= np.linalg.norm(axes, axis=2, keepdims=True)
     arms, skin = 0.03 * rng.normal(size=(2, J, 3)), 0.05 * rng.normal(size=(2, J, 3))
     at = Unknowns(
-        q, *arms, 0.01 * rng.normal(size=(S, 3)), 0.05 * rng.normal(size=(S, 3)), *axes, skin[0], 0.01 * skin[1], np.array([0.002])
+        q,
+        *arms,
+        0.01 * rng.normal(size=(S, 3)),
+        0.05 * rng.normal(size=(S, 3)),
+        *(0.02 * rng.normal(size=(2, S, 3, 3))),
+        *axes,
+        skin[0],
+        0.01 * skin[1],
+        np.array([0.002]),
     )
     problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1))
     return replace(problem, bent=rng.normal(size=(SAMPLES, J))), at
@@ -111,7 +119,9 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
     axes = quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0]))
     turn, slide = quat.rotate(to_sensor[1:], worn.skin_turn[1:]), quat.rotate(to_sensor[1:], worn.skin_slide[1:])
     q_GS = quat.multiply(truth.q_GS[:, rows], q_BS)
-    return Unknowns(q_GS, far, near, np.zeros((4, 3)), np.zeros((4, 3)), axes[:3], axes[1:], turn, slide, np.zeros(1)), angles
+    return Unknowns(
+        q_GS, far, near, np.zeros((4, 3)), np.zeros((4, 3)), *np.zeros((2, 4, 3, 3)), axes[:3], axes[1:], turn, slide, np.zeros(1)
+    ), angles
 
 
 def _changed(problem: Problem, at: Unknowns, x: Array) -> Unknowns:
