@@ -132,6 +132,7 @@ def summary(recording: LoadedRecording) -> dict[str, Any]:
     ]
     events = [
         {"trial_type": e.trial_type, "onset": round(e.onset, 3), "duration": round(e.duration, 3), "task": e.details.get("task_name")}
+        | ({"phase": e.details["phase"]} if e.details.get("phase") else {})
         for e in recording.events
     ]
     gaps = int(sum(np.isnan(b.values).any(axis=(1, 2)).sum() for b in recording.samples.values()))

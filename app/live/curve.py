@@ -2,6 +2,7 @@
 
 import threading
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -61,11 +62,11 @@ class Curve:
         with self._lock:
             return [p for p in self._points if p[0] > t]
 
-    def attempt(self, onset: float, end: float = np.inf) -> None:
-        """Keep the points of an attempt: from its onset on, whole, until another begins; its end is told when it is over."""
+    def attempt(self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()) -> None:
+        """Keep the points of an attempt: from its onset on, but for pauses, until another begins; its end is told when it is over."""
         with self._lock:
             kept = self._attempt if onset == self._onset else self._points
-            self._attempt = [p for p in kept if onset < p[0] <= end]
+            self._attempt = [p for p in kept if onset < p[0] <= end and not any(start < p[0] <= to for start, to in pauses)]
             self._onset, self._end = onset, end
 
     def attempted(self) -> list[tuple[float, float]]:

@@ -11,7 +11,15 @@ from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
 from estimators.initial_pose import DEG
 from estimators.quaternions import Array
 
-SHOWN = (State.POSE_READY, State.POSE_HOLD, State.TASK_READY, State.COUNTDOWN, State.STEP_READY, State.STEP_COUNTDOWN)
+SHOWN = (
+    State.POSE_READY,
+    State.POSE_HOLD,
+    State.TASK_READY,
+    State.COUNTDOWN,
+    State.RESUME_COUNTDOWN,
+    State.STEP_READY,
+    State.STEP_COUNTDOWN,
+)
 STEP = 0.5  # s of movement to the next posture, of each posture's pace
 
 

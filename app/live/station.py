@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from app.devices.glove import Glove
-from app.live import ghost, wizard
+from app.live import ghost, kept_trials, wizard
 from app.live.curve import Curve
 from app.live.moving_finger import MOVES, bends
 from app.live.telling import beat, tell
@@ -220,7 +220,7 @@ class Station:
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
         if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
-            self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end)
+            self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end, w.pauses)
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)
@@ -365,24 +365,9 @@ class Station:
 
     def _keep(self, order: Order) -> None:
         self.attempt_numbers += 1
-        accepted = order.reason == "accepted"
-        details: dict[str, Any] = {"task_name": order.task, "outcome": order.reason}
         protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
-        if protocol and protocol.mode == "passive":
-            details["mode"] = protocol.mode
-        if accepted and protocol:
-            details |= protocol.details
-            if protocol.trials > 1:
-                details["trial"] = self._wizard.accepted(order.task)
-            if protocol.score and order.score is not None:
-                details |= {"score": order.score, "score_title": protocol.score.title}
-        onset = order.onset if np.isfinite(order.onset) else self.tracking.newest_sample()
-        length = order.end - order.onset if np.isfinite(order.onset) else 0.0
-        self.glove.keep_event(f"task-{self.attempt_numbers}", Event(onset, length, "task" if accepted else "annotation", details))
-        marks = protocol.marks(order.onset, order.end) if accepted and protocol else []
-        for k, (start, phase, repetition) in enumerate(marks):
-            marked = {"task_name": order.task, "phase": phase.mark, "repetition": repetition}
-            self.glove.keep_event(f"phase-{self.attempt_numbers}-{k}", Event(start, phase.seconds, "annotation", marked))
+        for name, event in kept_trials.events(order, protocol, self._wizard.accepted(order.task), self.tracking.newest_sample()):
+            self.glove.keep_event(name.format(self.attempt_numbers), event)
 
     def _draw(self, facts: Facts) -> None:
         """Ghost, lit segment and caption of the state."""

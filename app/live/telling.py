@@ -22,6 +22,14 @@ PASSIVE = (
     "Initial pose, given by you",
     "Lay the patient's hand as the blue hand shows: flat, fingers straight and together, thumb out sideways. Hold it on the table, then start.",
 )
+RESUMABLE = {
+    "anywhere": ("Paused", "Go on when the patient is ready: the trial goes on where it stopped, and the pause does not count."),
+    "phase": ("Paused", "Go on when the patient is ready: “{word}” is done once more, and the pause does not count."),
+    "repetition": (
+        "Paused",
+        "Go on when the patient is ready: movement {number} of {all} is done once more, and the pause does not count.",
+    ),
+}
 CLOSING = ("Initial pose again", "Lay the hand flat once more as the blue hand shows. With this pose the steps come into force.")
 SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi)  # shares: per cent
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
@@ -43,7 +51,7 @@ WORDS = {
     State.TASKS: ("Choose a task", "Do the tasks in order, or only those you need."),
     State.TASK_PAUSED: (
         "Paused",
-        "The recording goes on. Start the trial again when the patient is ready, or keep what was done until now.",
+        "This trial cannot go on after a pause: its rhythm and its length are what is measured. Start it again when the patient is ready, or keep what was done.",
     ),
     State.TASK_REVIEW: ("Keep this one?", "Accept what was recorded, do it again, or skip the task with a reason."),
     State.STEP_REVIEW: ("This step is good", "Go on, or repeat it if the patient did something else."),
@@ -124,7 +132,16 @@ def _words(w: Wizard, facts: Facts) -> tuple[str, str]:
         return CLOSING
     if w.state is State.POSE_READY and w.passive:
         return PASSIVE
+    if w.state is State.TASK_PAUSED and w.protocol and w.protocol.resumes:
+        return _resumable(w, w.protocol)
     return WORDS.get(w.state, ("", ""))
+
+
+def _resumable(w: Wizard, p: Protocol) -> tuple[str, str]:
+    """What a paused trial goes on with."""
+    title, words = RESUMABLE[p.resumes or "anywhere"]
+    found = p.at(wz.resumed_at(w))
+    return title, words.format(word=found[0].say, number=found[1], all=p.repetitions) if found else words
 
 
 def _step(w: Wizard, p: Protocol) -> dict[str, Any]:
@@ -180,13 +197,15 @@ def _group(w: Wizard, name: str, tasks: list[Protocol]) -> dict[str, Any]:
 
 
 def _pace(w: Wizard, p: Protocol, facts: Facts) -> dict[str, Any]:
-    """What the metronome and the counter of repetitions go by; `elapsed` counts from the task's onset and is None before it."""
+    """What the metronome and the counter of repetitions go by; `elapsed` counts what was done of the trial and is None before it
+    runs; after a pause it goes on from `begins`, s."""
     return {
         "cycle": [{"say": phase.say, "seconds": phase.seconds} for phase in p.cycle],
         "repetitions": p.repetitions,
         "trial": w.accepted(p.name) + 1,
         "trials": p.trials,
-        "elapsed": round(facts.t - w.onset, 3) if w.state in wz.RUNNING else None,
+        "begins": round(wz.resumed_at(w), 3) if w.state is State.RESUME_COUNTDOWN else 0.0,
+        "elapsed": round(wz.done(w, facts.t), 3) if w.state in wz.RUNNING else None,
     }
 
 

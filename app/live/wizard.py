@@ -1,13 +1,22 @@
 """The wizard that leads a session: a state machine without a GUI, clock or device. Pages only draw it.
 
-Everything about states is the table in wizard_table.py: `TRANSITIONS[state][event]` is the next state; what is not there is refused.
-Facts about glove and patient come in with every tick; what the station has to do comes out as orders.
+wizard_table.py  everything about states: `TRANSITIONS[state][event]` is the next state; what is not there is refused
+wizard_state.py  where the session stands and what can be done there, by facts about glove and patient that come in with every tick
+wizard_time.py   how far a pose or a trial has come
+Here             from one state to the next; what the station has to do comes out as orders
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
 
+from app.live.wizard_state import PATIENT as PATIENT
+from app.live.wizard_state import ROUTINE as ROUTINE
+from app.live.wizard_state import Attempt as Attempt
+from app.live.wizard_state import Facts as Facts
+from app.live.wizard_state import Judged as Judged
+from app.live.wizard_state import Wizard as Wizard
+from app.live.wizard_state import good_steps
+from app.live.wizard_state import ready as ready
 from app.live.wizard_table import BY_PERSON as BY_PERSON
 from app.live.wizard_table import COUNTING as COUNTING
 from app.live.wizard_table import OUTCOMES as OUTCOMES
@@ -17,172 +26,15 @@ from app.live.wizard_table import STEPPING as STEPPING
 from app.live.wizard_table import TRANSITIONS as TRANSITIONS
 from app.live.wizard_table import Act as Act
 from app.live.wizard_table import State as State
-from app.protocols import Protocol, groups
-from estimators.functional_steps import BENT
-from estimators.hand_anatomy import CHAINS, FINGERS
+from app.live.wizard_time import done as done
+from app.live.wizard_time import progress as progress
+from app.live.wizard_time import remaining as remaining
+from app.live.wizard_time import resumed_at as resumed_at
 
-ROUTINE = "routine"  # the group of the usual assessment
 LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
 CALM = 0.3  # rad/s below which nothing bends: between two fingers of the check
 SETTLE = 1.2  # s after a finger was asked for until a calm counts: movement is told over a second
-PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: the bar fills only while it is below
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What the station knows at a tick."""
-
-    now: float  # s, host's clock
-    t: float  # s, the recording's newest sample
-    flowing: bool  # samples are arriving
-    wander: float  # rad/s, of the sensor that moves most
-    restless: str  # its segment
-    measured: frozenset[str]  # segments with samples
-    bends: str = ""  # the finger that moves while the others hardly do
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A stretch of the recording in which a task was done, or why it was not."""
-
-    task: str
-    onset: float  # s in the recording; NaN for a skipped task
-    end: float
-    outcome: str  # accepted, redone, paused (and begun again), skipped, unable
-    reason: str = ""
-    score: float | None = None  # the clinician's own
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A step of the calibration that was done, and what was wrong with it."""
-
-    step: str
-    problems: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Wizard:
-    """Everything that a page needs to draw where the session stands."""
-
-    protocols: tuple[Protocol, ...]
-    pose_duration: float
-    steps: tuple[Protocol, ...] = ()  # of a functional calibration; empty where the method makes nothing of it
-    state: State = State.CONNECT
-    since: float = 0.0  # host's clock when the state began
-    group: str = ROUTINE  # of the tasks that are listed
-    seen: tuple[tuple[str, str], ...] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
-    calm: bool = False  # since the last finger of the check
-    swapped: tuple[str, str] | None = None  # two fingers whose strips the pose shows on each other's
-    task: str | None = None  # or step
-    onset: float = 0.0  # recording time at which the pose, task or step began
-    end: float = 0.0
-    still_since: float | None = None  # recording time
-    passive: bool = False  # the therapist lays the hand into the pose
-    calibrated: bool = False  # or somebody decided to go on without
-    refusals: int = 0  # poses that could not be used, since the last one that could
-    poor: int = 0  # joints of which the newest calibration is poor
-    attempts: tuple[Attempt, ...] = ()
-    judged: tuple[Judged, ...] = ()  # steps of the calibration that goes on, the newest attempt of each
-    used: frozenset[str] = frozenset()  # steps that are in force, or will be from the next initial pose on
-    closing: bool = False  # the next initial pose brings the steps into force
-    rested_since: float = -inf  # host's clock when the newest trial ended
-    message: str = ""  # the last thing that went wrong, for the person
-
-    @property
-    def protocol(self) -> Protocol | None:
-        return next((p for p in (*self.protocols, *self.steps) if p.name == self.task), None)
-
-    def allowed(self, facts: Facts) -> list[Act]:
-        """What a person can do now, in the order of the table."""
-        acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
-        barred = {
-            Act.CONTINUE: not ready(facts),
-            Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,
-            Act.EXCHANGE: self.exchangeable() is None,
-            Act.WITHOUT: self.calibrated or not ready(facts),
-            Act.STOP: self.state is State.POSE_READY and not self.calibrated,
-            Act.AGAIN: not self._trials_left(),
-            Act.CALIBRATE: not self.steps_offered(facts),
-            Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
-            Act.USE: not self._usable(),
-        }
-        return [a for a in acts if not barred.get(a, False)]
-
-    def offered(self, facts: Facts) -> list[Protocol]:
-        """Tasks that can be done with what is measured."""
-        return [p for p in self.protocols if set(p.needs) <= facts.measured]
-
-    def steps_offered(self, facts: Facts) -> list[Protocol]:
-        """Steps of a functional calibration that can be done with what is measured."""
-        return [p for p in self.steps if set(p.needs) <= facts.measured]
-
-    def next_step(self, facts: Facts) -> str | None:
-        """The step after this one."""
-        names = [p.name for p in self.steps_offered(facts)]
-        return next(iter(names[names.index(self.task) + 1 :]), None) if self.task in names else None
-
-    def checkable(self, facts: Facts) -> list[str]:
-        """Fingers of which a strip gives samples."""
-        return [f for f in FINGERS if CHAINS[f][-1] in facts.measured]
-
-    def asked(self, facts: Facts) -> str | None:
-        """The finger that is to bend now in the sensor check."""
-        return next((f for f in self.checkable(facts) if f not in dict(self.seen)), None) if self.state is State.CHECK else None
-
-    def exchangeable(self) -> tuple[str, str] | None:
-        """Two fingers whose strips are on each other's, as check or pose found."""
-        if self.state is State.POSE_REVIEW:
-            return self.swapped
-        moved = dict(self.seen) if self.state is State.CHECKED else {}
-        return next(((f, g) for f, g in moved.items() if f != g and moved.get(g) == f), None)
-
-    def proposal(self, facts: Facts) -> Act | None:
-        """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
-        waited = self.state is State.POSE_HOLD and facts.now - self.since > PATIENT
-        if waited or (self.state is State.POSE_READY and self.refusals):
-            wish = Act.ASSIST if not self.passive else Act.WITHOUT
-        elif self.state is State.POSE_REVIEW and self.swapped:
-            wish = Act.EXCHANGE
-        elif self.state is State.POSE_REVIEW and self.poor:
-            wish = Act.REDO if self.used or not self.steps_offered(facts) else Act.CALIBRATE
-        else:
-            return None
-        return wish if wish in self.allowed(facts) else None
-
-    def judgement(self, step: str | None) -> Judged | None:
-        """What became of a step in this calibration."""
-        return next((j for j in self.judged if j.step == step), None)
-
-    def groups(self, facts: Facts) -> dict[str, list[Protocol]]:
-        """Tasks that can be done by group, the usual assessment first."""
-        offered = self.offered(facts)
-        every = {ROUTINE: [p for p in offered if p.routine]} | {g: [p for p in offered if p.group == g] for g in groups(offered)}
-        return {name: tasks for name, tasks in every.items() if tasks}
-
-    def listed(self, facts: Facts) -> list[Protocol]:
-        """Tasks of the group; all that can be done where the group has none."""
-        return self.groups(facts).get(self.group) or self.offered(facts)
-
-    def accepted(self, task: str) -> int:
-        """Trials of a task that were accepted."""
-        return sum(a.task == task and a.outcome == "accepted" for a in self.attempts)
-
-    def outcome(self, task: str) -> str:
-        """The newest outcome of a task, empty before it was tried and while trials of it are to come."""
-        newest = next((a.outcome for a in reversed(self.attempts) if a.task == task and a.outcome not in PASSING), "")
-        trials = next((p.trials for p in self.protocols if p.name == task), 1)
-        return "" if newest == "accepted" and self.accepted(task) < trials else newest
-
-    def _usable(self) -> bool:
-        """Whether a step was done well and some step tells about which axes the joints bend."""
-        good = _good(self)
-        return bool(good) and bool((good | self.used) & set(BENT))
-
-    def _trials_left(self) -> bool:
-        """Whether another trial of the task follows the one under review."""
-        return self.protocol is not None and self.accepted(self.protocol.name) + 1 < self.protocol.trials
 
 
 @dataclass(frozen=True)
@@ -195,15 +47,11 @@ class Order:
     end: float = 0.0
     reason: str = ""
     score: float | None = None
+    pauses: tuple[tuple[float, float], ...] = ()
 
 
 class NotNowError(Exception):
     """A person asked for something that this state does not offer."""
-
-
-def ready(facts: Facts) -> bool:
-    """Samples flow and the hand's sensor is among them."""
-    return facts.flowing and "hand" in facts.measured
 
 
 def act(
@@ -242,7 +90,7 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     if wizard.state in COUNTING and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
     late = LATE if wizard.state is State.STEP_RUN else 0.0
-    if wizard.state in RUNNING and protocol and protocol.length and facts.t - wizard.onset >= protocol.length + late:
+    if wizard.state in RUNNING and protocol and protocol.length and done(wizard, facts.t) >= protocol.length + late:
         return _enter(wizard, Act.ENDED, facts)
     return wizard, ()
 
@@ -262,28 +110,6 @@ def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
     others = tuple(j for j in wizard.judged if j.step != wizard.task)
     said = " ".join(f"{p[:1].upper()}{p[1:]}." for p in problems)
     return replace(wizard, judged=(*others, Judged(wizard.task or "", tuple(problems))), message=said)
-
-
-def progress(wizard: Wizard, facts: Facts) -> float:
-    """Share of the pose, task or step done, 0 to 1."""
-    if wizard.state is State.POSE_HOLD:
-        return 0.0 if wizard.still_since is None else min(1.0, (facts.t - wizard.still_since) / wizard.pose_duration)
-    if wizard.state in RUNNING and wizard.protocol and wizard.protocol.length:
-        return min(1.0, max(0.0, facts.t - wizard.onset) / wizard.protocol.length)
-    return 0.0
-
-
-def remaining(wizard: Wizard, facts: Facts) -> float | None:
-    """Seconds left of the rest between two trials, the countdown or the task; None where nothing is timed."""
-    protocol = wizard.protocol
-    if wizard.state is State.TASK_READY and protocol and protocol.pause and wizard.accepted(protocol.name):
-        left = protocol.pause - (facts.now - wizard.rested_since)
-        return left if left > 0 else None
-    if wizard.state in COUNTING and protocol:
-        return max(0.0, protocol.countdown - (facts.now - wizard.since))
-    if wizard.state in RUNNING and protocol and protocol.length:
-        return max(0.0, protocol.length - (facts.t - wizard.onset))
-    return None
 
 
 def _check(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
@@ -345,9 +171,16 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
         orders.append(Order("cue", wizard.task))
     elif after in RUNNING:
         late = facts.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)  # a tick finds out a little afterwards
-        wizard = replace(wizard, onset=facts.t - late)
+        begins = facts.t - late
+        if before is State.RESUME_COUNTDOWN:  # what the pause broke off is done again, and counts once
+            broken_off = wizard.end - (done(wizard, wizard.end) - resumed_at(wizard))
+            wizard = replace(wizard, pauses=(*wizard.pauses, (broken_off, begins)))
+        else:
+            wizard = replace(wizard, onset=begins, pauses=())
     elif after in (State.TASK_REVIEW, State.TASK_PAUSED) and before is State.TASK_RUN:
         wizard = replace(wizard, end=facts.t, rested_since=facts.now)
+        orders.append(Order("cue", "rest"))
+    elif before in (State.COUNTDOWN, State.RESUME_COUNTDOWN):
         orders.append(Order("cue", "rest"))
     elif after is State.FINISHED:
         orders.append(Order("finish"))
@@ -366,7 +199,7 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     if before is State.POSE_REVIEW and what is Act.REDO:
         wizard = replace(wizard, poor=0)
         orders.append(Order("drop_pose"))
-    tried = before is State.TASK_REVIEW or (before is State.TASK_PAUSED and what is not Act.STOP)
+    tried = before is State.TASK_REVIEW or (before is State.TASK_PAUSED and what not in (Act.STOP, Act.RESUME))
     if tried or (before is State.TASK_READY and what in (Act.SKIP, Act.UNABLE)):
         wizard, order = _attempted(wizard, what, tried, reason, score)
         orders.insert(0, order)
@@ -378,7 +211,7 @@ def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Ord
     if what is Act.REDO:
         return replace(wizard, judged=tuple(j for j in wizard.judged if j.step != wizard.task)), [Order("drop_step", wizard.task or "")]
     if what is Act.USE:
-        return replace(wizard, judged=(), used=wizard.used | _good(wizard), closing=True), [Order("use_steps")]
+        return replace(wizard, judged=(), used=wizard.used | good_steps(wizard), closing=True), [Order("use_steps")]
     if TRANSITIONS[before][what] is State.TASKS:
         return replace(wizard, judged=()), [Order("drop_steps")]
     if before in (State.STEP_COUNTDOWN, State.STEP_RUN) and what is Act.STOP:
@@ -386,15 +219,10 @@ def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Ord
     return wizard, []
 
 
-def _good(wizard: Wizard) -> frozenset[str]:
-    """Steps of this calibration that can be used."""
-    return frozenset(j.step for j in wizard.judged if not j.problems)
-
-
-def _attempted(wizard: Wizard, what: Act, done: bool, reason: str, score: float | None) -> tuple[Wizard, Order]:
+def _attempted(wizard: Wizard, what: Act, tried: bool, reason: str, score: float | None) -> tuple[Wizard, Order]:
     outcome = OUTCOMES[what]
     reason = "" if outcome == "accepted" else reason  # what is accepted needs none, and none is read into its outcome
-    start, end = (wizard.onset, wizard.end) if done else (float("nan"), float("nan"))
-    attempt = Attempt(wizard.task or "", start, end, outcome, reason, score)
+    start, end = (wizard.onset, wizard.end) if tried else (float("nan"), float("nan"))
+    attempt = Attempt(wizard.task or "", start, end, outcome, reason, score, wizard.pauses if tried else ())
     kept = replace(wizard, attempts=(*wizard.attempts, attempt))
-    return kept, Order("keep_attempt", attempt.task, start, end, f"{outcome}{': ' + reason if reason else ''}", score)
+    return kept, Order("keep_attempt", attempt.task, start, end, f"{outcome}{': ' + reason if reason else ''}", score, attempt.pauses)

@@ -15,6 +15,7 @@ class State(StrEnum):
     TASKS = "tasks"
     TASK_READY = "task_ready"
     COUNTDOWN = "countdown"
+    RESUME_COUNTDOWN = "resume_countdown"  # of a trial that goes on after a pause
     TASK_RUN = "task_run"
     TASK_PAUSED = "task_paused"  # the recording goes on
     TASK_REVIEW = "task_review"
@@ -38,6 +39,7 @@ class Act(StrEnum):
     SKIP = "skip"
     UNABLE = "unable"  # the patient could not do it: a finding, not a gap
     PAUSE = "pause"
+    RESUME = "resume"  # the trial goes on after a pause, which does not count
     GROUP = "group"  # of tasks to choose from
     CHOOSE = "choose"
     AGAIN = "again"  # keep this trial, and on to the next of the same task
@@ -73,8 +75,9 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     },
     S.TASK_READY: {A.START: S.COUNTDOWN, A.SKIP: S.TASKS, A.UNABLE: S.TASKS, A.STOP: S.TASKS},
     S.COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_READY},
+    S.RESUME_COUNTDOWN: {A.STARTED: S.TASK_RUN, A.STOP: S.TASK_PAUSED},
     S.TASK_RUN: {A.ENDED: S.TASK_REVIEW, A.STOP: S.TASK_REVIEW, A.PAUSE: S.TASK_PAUSED},
-    S.TASK_PAUSED: {A.START: S.COUNTDOWN, A.STOP: S.TASK_REVIEW, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
+    S.TASK_PAUSED: {A.RESUME: S.RESUME_COUNTDOWN, A.START: S.COUNTDOWN, A.STOP: S.TASK_REVIEW, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
     S.TASK_REVIEW: {A.AGAIN: S.TASK_READY, A.ACCEPT: S.TASKS, A.REDO: S.TASK_READY, A.SKIP: S.TASKS, A.UNABLE: S.TASKS},
     S.STEP_READY: {A.START: S.STEP_COUNTDOWN, A.NEXT: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
     S.STEP_COUNTDOWN: {A.STARTED: S.STEP_RUN, A.STOP: S.STEP_READY},
@@ -82,7 +85,7 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.STEP_REVIEW: {A.NEXT: S.STEP_READY, A.REDO: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
     S.FINISHED: {},
 }
-COUNTING = (S.COUNTDOWN, S.STEP_COUNTDOWN)
+COUNTING = (S.COUNTDOWN, S.RESUME_COUNTDOWN, S.STEP_COUNTDOWN)
 RUNNING = (S.TASK_RUN, S.STEP_RUN)
 STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
 PASSING = ("redone", "paused")  # outcomes after which the task is still to be done

@@ -24,6 +24,7 @@ Count = Annotated[int, Field(ge=1, le=100)]
 CURVES = ("aperture", "palm_turn", *DOF_NAMES)
 TURN = "forearm_pronation"  # no joint of the glove's: it turns the ghost's whole hand
 SLACK = 0.15  # s by which the end of an attempt may be late or early: the station looks ten times a second
+EXACT = 1e-6  # s
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -66,7 +67,11 @@ class Protocol:
     repetitions: Count | None = None  # movements in a trial
     trials: Count = 1  # times that the task is to be accepted
     pause: Annotated[float, Field(ge=0, le=600)] = 0.0  # s of rest between two trials
-    countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts
+    resumes: Literal["anywhere", "phase", "repetition"] | None = (
+        None  # where a paused trial goes on: where it stopped, or with the phase or
+    )
+    # repetition that the pause broke off; without it a pause ends the trial, because its rhythm, decrement or whole length is what is measured
+    countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts, and before it goes on after a pause
     curve: str  # "aperture" (thumb to index tip), "palm_turn", or a joint angle such as index_pip_flexion; movements are counted on it
     needs: tuple[str, ...] = ()  # segments that must be measured for the task to be offered
     ghost: tuple[
@@ -89,16 +94,41 @@ class Protocol:
         """Seconds that the task takes, or None: until "Done"."""
         return self.period * (self.repetitions or 0) if self.cycle else self.duration
 
-    def marks(self, onset: float, end: float) -> list[tuple[float, Phase, int]]:
-        """Marked phases that lie whole within an attempt from onset to end (s): when each begins, the phase, its repetition from 1 on."""
-        starts = accumulate((p.seconds for p in self.cycle), initial=onset)
-        every = [
-            (start + k * self.period, phase, k + 1)
-            for start, phase in zip(starts, self.cycle)
-            for k in range(self.repetitions or 0)
-            if phase.mark and start + k * self.period + phase.seconds <= end + SLACK
-        ]
-        return sorted(every, key=lambda found: found[0])
+    def resumed_at(self, done: float) -> float:
+        """Where a trial goes on that was paused `done` s into it, in s of the trial."""
+        if not self.cycle or self.resumes == "anywhere":
+            return done
+        n = self._begun(done)
+        return self._starts()[n if self.resumes == "phase" else n - n % len(self.cycle)]
+
+    def at(self, done: float) -> tuple[Phase, int] | None:
+        """The phase that begins or goes on `done` s into a trial, and its repetition from 1 on; None without a cycle."""
+        n = self._begun(done)
+        return (self.cycle[n % len(self.cycle)], n // len(self.cycle) + 1) if self.cycle else None
+
+    def marks(self, onset: float, end: float, pauses: Sequence[tuple[float, float]] = ()) -> list[tuple[float, Phase, int]]:
+        """Marked phases that lie whole within an attempt from onset to end (s): when each begins, the phase, its repetition from 1 on.
+
+        `pauses` are the stretches (from, to) s that the attempt went on after.
+        """
+        every = []
+        for n, start in enumerate(self._starts()):
+            phase = self.cycle[n % len(self.cycle)]
+            t = onset + start
+            for from_, to in pauses:
+                t += to - from_ if from_ <= t + EXACT else 0.0
+            if phase.mark and t + phase.seconds <= end + SLACK:
+                every.append((t, phase, n // len(self.cycle) + 1))
+        return every
+
+    def _begun(self, done: float) -> int:
+        """Number of the newest phase, over all repetitions from 0 on, that began `done` s into the trial."""
+        return max(0, sum(s <= done + EXACT for s in self._starts()) - 1)
+
+    def _starts(self) -> list[float]:
+        """When each phase of each repetition begins, s of the trial."""
+        seconds = [p.seconds for p in self.cycle] * (self.repetitions or 0)
+        return list(accumulate(seconds, initial=0.0))[: len(seconds)]
 
 
 UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")  # pydantic's words
@@ -159,6 +189,8 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
         yield "duration and cycle are both given; a paced task lasts repetitions times its cycle, so leave duration out"
     if p.cycle and p.repetitions is None:
         yield "repetitions is missing; a task with a cycle needs a number of them, 1 to 100"
+    if p.resumes in ("phase", "repetition") and not p.cycle:
+        yield f"resumes is {p.resumes!r}; a task without a cycle goes on anywhere, or not at all"
     if p.pause and p.trials == 1:
         yield "pause is given, but there is one trial only; give trials, or leave pause out"
     if p.curve not in CURVES:

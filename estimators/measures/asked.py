@@ -8,6 +8,8 @@ from typing import Any
 from estimators.hand_anatomy import FINGERS
 from estimators.samples import Event
 
+PAUSE = "pause"  # the phase of a stretch that is no part of the task
+
 
 @dataclass(frozen=True)
 class Mark:
@@ -24,6 +26,11 @@ class Asked:
     task: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)  # of the task's event
     marks: tuple[Mark, ...] = ()
+
+    @property
+    def pauses(self) -> list[tuple[float, float]]:
+        """Stretches (from, to) s within the task that do not count."""
+        return [(m.onset, m.end) for m in self.marks if m.phase == PAUSE]
 
     def fingers(self) -> tuple[str, ...]:
         """The fingers that the details or the task's name say, in the order of the hand; none where neither does."""

@@ -37,7 +37,7 @@ def assess(
 ) -> list[TaskResult]:
     """Apply every measure to every task that it applies to; without any task, to the whole recording. `options` are Params by measure.
 
-    A task with the detail `excluded` is left out, and of a task the stretches (start, stop) s in its detail `left_out`.
+    A task with the detail `excluded` is left out, and of a task the stretches (start, stop) s in its detail `left_out` and its pauses.
     """
     told = [e for e in events if e.trial_type == "task"]
     tasks = [e for e in told if not e.details.get("excluded")]
@@ -46,7 +46,8 @@ def assess(
     known, basis = with_sd(trajectory, accuracy)
     results = []
     for event in tasks:
-        asked, counted = asked_of(event, events), known.without(event.details.get("left_out", ()))
+        asked = asked_of(event, events)
+        counted = known.without([*event.details.get("left_out", ()), *asked.pauses])
         for name in measures_of(asked):
             module = MEASURES[name]
             params = (options or {}).get(name) or module.Params()

@@ -37,6 +37,7 @@ export function mount(root, api, { session, result, go }) {
         badge(standing),
         change,
       ),
+      trial.pauses.map((p) => h("p", { class: "soft small" }, t("trials.pause", within(p.onset, p.onset + p.duration, trial)))),
       standing.map((correction) => told(correction, trial)),
       undone.length > 0 && h("details", { class: "small" }, h("summary", {}, t("trials.undone")), undone.map((one) => past(one, trial))),
       place,
@@ -91,8 +92,10 @@ export function trialsOf(file, titles) {
     const title = titles.get(task.task) ?? (task.task ?? "").replaceAll("_", " ");
     const several = tasks.filter((other) => other.task === task.task).length > 1;
     const corrections = file.corrections.filter((correction) => correction.event === task.event);
+    const ends = task.onset + task.duration;
+    const pauses = file.summary.events.filter((e) => e.phase === "pause" && e.onset >= task.onset && e.onset <= ends);
     const tapping = /tap/i.test(task.task ?? "");
-    return { ...task, name: several ? t("tapping.trial", { title, number: trial }) : title, tapping, corrections };
+    return { ...task, name: several ? t("tapping.trial", { title, number: trial }) : title, tapping, pauses, corrections };
   });
 }
 
@@ -103,9 +106,14 @@ function badge(standing) {
 }
 
 function correctionWords(correction, trial) {
+  const range = within(correction.onset, correction.end, trial);
+  return t(`trials.told.${correction.kind}`, { ...range, reason: correction.reason });
+}
+
+/** A stretch in seconds of the trial. */
+function within(onset, end, trial) {
   const seconds = (moment) => Math.max(0, moment - trial.onset).toFixed(1);
-  const range = { from: seconds(correction.onset), to: seconds(correction.end), reason: correction.reason };
-  return t(`trials.told.${correction.kind}`, range);
+  return { from: seconds(onset), to: seconds(end) };
 }
 
 function past(correction, trial) {

@@ -10,7 +10,6 @@ const PRIMARY = {
   pose_ready: "start",
   pose_review: "accept",
   task_ready: "start",
-  task_paused: "start",
   task_review: "accept",
   step_ready: "start",
   tasks: "choose",
@@ -107,6 +106,7 @@ function leading(wizard) {
   if (wizard.proposal) return wizard.proposal;
   if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
   if (can("again")) return "again";
+  if (wizard.state === "task_paused") return can("resume") ? "resume" : "start";
   if (wizard.state !== "step_review") return PRIMARY[wizard.state];
   return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
 }

@@ -5,6 +5,7 @@ import { t } from "../words/words.js";
 const WORD = {
   task_ready: "countdown.rest",
   countdown: "countdown.starts",
+  resume_countdown: "countdown.resumes",
   task_run: "countdown.left",
   step_countdown: "countdown.starts",
   step_run: "countdown.left",

@@ -4,7 +4,7 @@ import { beat, makeOnset, placeAt } from "./beats.js";
 import { makeClicks } from "./clicks.js";
 import { t } from "../words/words.js";
 
-const COUNTING = ["countdown", "step_countdown"];
+const COUNTING = ["countdown", "resume_countdown", "step_countdown"];
 const RUNNING = ["task_run", "step_run"];
 const SHOWN = ["task_ready", "step_ready", ...COUNTING, ...RUNNING];
 const PAUSE = 50; // ms between two looks at which clicks are due
@@ -31,6 +31,7 @@ export function mount(root, api, { station }) {
   const now = () => performance.now() / 1000;
   let pace = null; // of the task that is about to run or runs
   let zero = null; // s by this page's clock at which it begins
+  let begins = 0; // s of the trial: after a pause it goes on from there
   let next = 0; // the beat to be made ready
   let frame = 0;
 
@@ -38,7 +39,8 @@ export function mount(root, api, { station }) {
     pace = SHOWN.includes(wizard.state) ? wizard.pace : null;
     const paced = Boolean(pace?.cycle.length);
     drawKind([paced, paced || Boolean(pace?.repetitions), wizard.state]);
-    const ago = COUNTING.includes(wizard.state) ? -wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
+    const ago = COUNTING.includes(wizard.state) ? pace?.begins - wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
+    if (COUNTING.includes(wizard.state)) begins = pace?.begins ?? 0;
     if (paced && ago !== null && glove.flowing) zero = onset.hear(now(), ago);
     else halt();
     if (paced) drawNote(blocked(clicks.state() === "blocked"));
@@ -88,15 +90,17 @@ export function mount(root, api, { station }) {
   function draw() {
     frame = 0;
     if (!pace?.cycle.length) return;
-    const place = zero === null ? null : placeAt(pace, now() - zero);
-    const phase = pace.cycle[place?.phase ?? 0];
+    const place = zero === null || now() - zero < begins ? null : placeAt(pace, now() - zero);
+    const coming = place ?? (zero === null ? null : placeAt(pace, begins)); // with what it begins, or goes on
+    const phase = pace.cycle[coming?.phase ?? 0];
     word.textContent = phase.say;
     word.classList.toggle("long", phase.say.length > LONG_WORD);
     left.textContent = place && phase.seconds >= LONG ? String(Math.ceil(place.left)) : "";
     lamp.classList.toggle("first", place?.phase === 0);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
-    if (pace.repetitions > 1) drawCount(place?.repetition ?? 0);
-    else drawCount(place ? place.phase + 1 : 0, pace.cycle.length); // one round: its parts are counted
+    const before = place ? 1 : 0; // what is being done counts
+    if (pace.repetitions > 1) drawCount((coming?.repetition ?? 1) - 1 + before);
+    else drawCount((coming?.phase ?? 0) + before, pace.cycle.length); // one round: its parts are counted
     if (zero !== null) frame = requestAnimationFrame(draw);
   }
 
@@ -105,7 +109,7 @@ export function mount(root, api, { station }) {
     if (zero === null || !pace) return;
     for (let due = beat(pace, next); due && zero + due.at - now() < AHEAD; due = beat(pace, (next += 1))) {
       const wait = zero + due.at - now();
-      if (wait > -LATE) clicks.click(wait, due.first);
+      if (wait > -LATE && due.at > begins - LATE) clicks.click(wait, due.first);
     }
   }
 

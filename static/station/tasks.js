@@ -37,7 +37,7 @@ export function mount(root, api, { station }) {
     ([tasks, current, state, choosing]) => {
       root.hidden = /^(connect|check|finished|pose_)/.test(state);
       heading.textContent = t(state.startsWith("step_") ? "tasks.steps" : "tasks.title");
-      list.replaceChildren(...tasks.map((task) => line(task, choosing, /^(task|step)_/.test(state) && task.name === current)));
+      list.replaceChildren(...tasks.map((task) => line(task, choosing, /^(task|step)_|countdown$/.test(state) && task.name === current)));
     },
   );
 

@@ -47,6 +47,16 @@ def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(station:
     assert phases[20:] == [(200.0, 6.0, "grip", 1), (206.0, 6.0, "flat", 1)]
 
 
+def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "rom_mcp", Act.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
+    reviewed(station, "rom_mcp", Act.REDO, onset=50.0, end=85.0, pauses=((55.0, 75.0),))
+    assert [(e.onset, e.duration) for e in events if e.trial_type == "task"] == [(10.0, 35.0)]
+    phases = [(e.details["phase"], e.onset, e.duration) for e in events if "phase" in e.details]
+    assert phases[0] == ("pause", 15.0, 20.0)
+    assert [onset for _, onset, _ in phases[1:]] == [10.0, 12.5, 35.0, 37.5, 40.0, 42.5]
+
+
 @pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")])
 def test_a_trial_that_was_not_accepted_leaves_no_phases(
     station: Station,  # noqa: F811

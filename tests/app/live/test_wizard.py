@@ -163,20 +163,6 @@ def test_what_the_patient_could_not_do_is_kept_as_that_and_the_task_is_done_with
     assert isnan(orders[0].onset) if state is State.TASK_READY else (orders[0].onset, orders[0].end) == (1.0, 9.0)
 
 
-def test_a_pause_ends_the_trial_which_is_begun_again_or_kept_as_far_as_it_went() -> None:
-    w, orders = wizard.act(at(State.TASK_RUN, task="rom_fist", onset=READY.t), Act.PAUSE, later(READY, 6.0))
-    assert (w.state, w.end, kinds(orders)) == (State.TASK_PAUSED, READY.t + 6.0, [("cue", "rest")])
-    late = later(READY, 90.0)
-    assert wizard.tick(w, late)[0] == w  # a rest takes as long as it takes
-    again, orders = wizard.act(w, Act.START, late)
-    assert (again.state, kinds(orders)) == (State.COUNTDOWN, [("keep_attempt", "rom_fist"), ("cue", "rom_fist")])
-    assert (orders[0].reason, orders[0].end, again.outcome("rom_fist")) == ("paused", READY.t + 6.0, "")
-    kept, orders = wizard.act(w, Act.STOP, late)
-    assert (kept.state, kept.end, list(orders)) == (State.TASK_REVIEW, READY.t + 6.0, [])
-    kept, orders = wizard.act(kept, Act.ACCEPT, late)
-    assert (orders[0].onset, orders[0].end, orders[0].reason) == (READY.t, READY.t + 6.0, "accepted")
-
-
 def test_the_clinicians_score_goes_with_an_accepted_trial_of_a_task_that_asks_for_one() -> None:
     w = at(State.TASK_REVIEW, task="kapandji", onset=1.0, end=31.0)
     assert wizard.act(w, Act.ACCEPT, READY, score=7)[1][0].score == 7

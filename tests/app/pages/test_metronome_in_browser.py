@@ -252,6 +252,24 @@ def test_blocked_sound_is_said_and_the_light_goes_on_until_a_press_brings_it(pag
     expect(page.get_by_role("status")).to_be_hidden()
 
 
+def test_after_a_pause_it_goes_on_with_the_phase_that_the_pause_broke_off(page: Page) -> None:
+    session = ready(page, "kapandji")
+    session.act(Act.START)
+    session.passes(3.0 + 7.0)  # in the third position
+    session.act(Act.PAUSE)
+    session.passes(5.0)
+    session.act(Act.RESUME)
+    before = len(session.clicks())
+    session.passes(1.5)
+    assert (lamp(page), page.locator(".metronome .count").inner_text()) == ("3 index tip", "2 of 10")
+    session.passes(1.7)
+    goes_on = session.wizard.pauses[0][1] - session.facts.t + session.facts.now
+    assert (lamp(page).split()[0], page.locator(".metronome .count").inner_text()) == ("3", "3 of 10")
+    session.passes(4.5)
+    due = [t for t, _ in session.clicks()[before:]]
+    assert due == pytest.approx([goes_on + 3 * k for k in range(2)], abs=0.03)  # positions 3 and 4; the next is not due within a second
+
+
 def test_a_task_at_free_speed_counts_what_is_seen_and_needs_no_metronome(page: Page) -> None:
     session = Session(page, at(State.TASK_RUN, task="powerglove_15_index_circles", onset=READY.t), counted=0)
     session.counted = 7

@@ -45,7 +45,10 @@ def test_a_stretch_left_out_counts_for_no_figure() -> None:
     (whole,) = assess(truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle"})])
     pip = next(r for r in whole.details if (r.joint, r.angle) == ("index_pip", "flexion"))
     away = (pip.t_largest - 2.0, pip.t_largest + 2.0)
+    pause = Event(away[0], away[1] - away[0], "annotation", {"task_name": "wiggle", "phase": "pause"})
     (cut,) = assess(truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle", "left_out": [away]})])
+    (paused,) = assess(truth, [Event(6.0, 8.0, "task", {"task_name": "wiggle"}), pause])
+    assert paused.figures == cut.figures
     found = next(r for r in cut.details if (r.joint, r.angle) == ("index_pip", "flexion"))
     assert found.largest < pip.largest - np.radians(10)
     assert not away[0] <= found.t_largest <= away[1]
