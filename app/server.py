@@ -9,10 +9,12 @@ import anyio.to_thread
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from app import language, protocols
 from app.api import errors, languages, login, methods, pages, patients, progress, results, sessions, stations
 from app.api.access import Gate
+from app.api.roles import EVERY_ACCOUNT, May
 from app.api.state import Parts
 from app.jobs import Jobs
 from app.live.station import Station
@@ -24,6 +26,12 @@ from sessions import records
 from sessions.store import Store, open_store
 
 log = logging.getLogger(__name__)
+
+
+class Files(StaticFiles):
+    """The pages' files; the login page's are given to anybody (access.py)."""
+
+    may = May(frozenset(EVERY_ACCOUNT))
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -42,14 +50,15 @@ def create_app(settings: Settings) -> FastAPI:
             yield
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
 
+    proxies = [Middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.proxies))] if settings.proxies else []
     app = FastAPI(
         title="Handscope",
         version=software_version(),
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
-        openapi_url="/api/openapi.json",
-        middleware=[Middleware(Gate, store=store, settings=settings)],
+        openapi_url=None,
+        middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
     for module in (patients, progress, sessions, results, stations, methods, login):
@@ -57,7 +66,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(login.pages)
     app.include_router(languages.router)
     app.include_router(pages.router)
-    app.mount("/static", StaticFiles(directory=pages.STATIC), name="static")
+    app.mount("/static", Files(directory=pages.STATIC), name="static")
     return app
 
 

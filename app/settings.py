@@ -12,5 +12,7 @@ class Settings:
     database_url: str | None = None
     hosts: tuple[str, ...] = ()  # names under which the server may be addressed besides its own
     demo_ports: tuple[str, ...] = field(default=())  # ports of virtual gloves that this program put up
-    idle_logout: float = 12 * 3600.0  # s without a request after which a login ends
+    proxies: tuple[str, ...] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
+    idle_logout: float = 4 * 3600.0  # s without a request or an open live view after which a login ends
+    longest_login: float = 24 * 3600.0  # s after which every login ends
     largest_upload: int = 512 * 2**20  # bytes

@@ -212,6 +212,23 @@ class ErasedFile(Base):
     file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
 
 
+class Account(Base):
+    """Who may log in, and as what (sessions/accounts.py)."""
+
+    __tablename__ = "account"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str] = mapped_column(String(64), unique=True)
+    roles: Mapped[list[Any]] = mapped_column(default=list)  # of accounts.ROLES
+    password: Mapped[str | None] = mapped_column(String(200))  # argon2id hash with its parameters; None: one-time codes or single sign-on
+    subject: Mapped[str | None] = mapped_column(String(400), unique=True)  # issuer and subject, of an account of single sign-on
+    disabled: Mapped[bool] = mapped_column(default=False)
+    created: Mapped[datetime] = mapped_column(default=now)
+
+    logins: Mapped[list["Login"]] = relationship(back_populates="account", cascade="all, delete-orphan")
+
+
 class Login(Base):
     """A browser that has logged in: the hash of its cookie."""
 
@@ -219,5 +236,18 @@ class Login(Base):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     token_hash: Mapped[str] = mapped_column(String(64), unique=True)
+    account_id: Mapped[int] = mapped_column(ForeignKey("account.id", ondelete="CASCADE"), index=True)
     created: Mapped[datetime] = mapped_column(default=now)
     seen: Mapped[datetime] = mapped_column(default=now)
+
+    account: Mapped[Account] = relationship(back_populates="logins", lazy="joined")
+
+
+class Attempt(Base):
+    """A try of a password, counted before it was checked (sessions/logins.py)."""
+
+    __tablename__ = "attempt"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(String(64), index=True)  # hash of the account's name or of the address
+    at: Mapped[datetime] = mapped_column(default=now)

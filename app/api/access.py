@@ -1,31 +1,24 @@
-"""Who may come in: one-time tokens make logins, logins are cookies, and nothing is served without one.
+"""The gate: who may come in, and where. Nothing is served that the route's declaration (app/api/roles.py) does not give to the account."""
 
-A token is a file named after its hash in the data folder: whoever may write there (the same user of the machine) may let a browser in.
-"""
-
+import asyncio
 import contextlib
-import hashlib
-import secrets
-from datetime import timedelta
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import anyio.to_thread
-from sqlalchemy import delete, select
-from sqlalchemy.exc import DBAPIError
-from sqlalchemy.orm import Session
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.api.roles import ANYBODY, Doors, Who
+from app.api.state import preferred
 from app.settings import Settings
+from sessions.logins import alive, new_token
 from sessions.store import Store
-from sessions.tables import Login, now
 
+__all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
-OPEN_PATHS = ("/login", "/api/login", "/api/health")
-OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/", "/languages/")
+OPEN_FOLDERS = ("/static/login/", "/static/fonts/", "/static/words/")
 OPEN_FILES = (
     "/static/colors.css",
     "/static/style.css",
@@ -34,102 +27,97 @@ OPEN_FILES = (
     "/static/theme.js",
     "/static/dom.js",
 )
-TOKEN_LIFE = timedelta(hours=12)
-TOUCH_EVERY = timedelta(minutes=1)
 SAFE = ("GET", "HEAD", "OPTIONS")
+STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
+OTHER_SITE = "the request comes from another site's page"
+NOT_YOURS = "your account may not do this; ask an administrator"
+CHECK_EVERY = 15.0  # s between two looks at whether a web socket's login has ended
 
 
-def new_token(data: Path) -> str:
-    """A one-time token for a server on this data folder."""
-    token = secrets.token_urlsafe(24)
-    folder = data / "tokens"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    (folder / _hash(token)).touch(mode=0o600)
-    return token
+def cookie_name(scope: Scope) -> str:
+    """Behind TLS the browser itself sees to it that the cookie comes from this very host, over TLS (RFC 6265bis, 4.1.3.2)."""
+    return f"__Host-{COOKIE}" if secure(scope) else COOKIE
 
 
-def redeem(store: Store, token: str) -> str | None:
-    """The cookie of a new login, or None where the token is unknown, used or old."""
-    path = store.folder / "tokens" / _hash(token)
-    try:
-        made = path.stat().st_mtime
-        path.unlink()
-    except OSError:
-        return None
-    if now().timestamp() - made > TOKEN_LIFE.total_seconds():
-        return None
-    cookie = secrets.token_urlsafe(32)
-    with store.database() as db:
-        db.add(Login(token_hash=_hash(cookie)))
-        db.commit()
-    return cookie
+def cookie_of(connection: HTTPConnection) -> str | None:
+    return connection.cookies.get(cookie_name(connection.scope))
 
 
-def logged_in(db: Session, cookie: str | None, idle: float) -> bool:
-    """Whether a cookie belongs to a login that is still alive; keeps it alive."""
-    if not cookie:
-        return False
-    login = db.scalar(select(Login).where(Login.token_hash == _hash(cookie)))
-    if login is None:
-        return False
-    if now() - login.seen > timedelta(seconds=idle):
-        db.delete(login)
-        db.commit()
-        return False
-    if now() - login.seen > TOUCH_EVERY:
-        login.seen = now()
-        with contextlib.suppress(DBAPIError):  # a full disk locks nobody out
-            db.commit()
-    return True
-
-
-def log_out(db: Session, cookie: str | None) -> None:
-    """End a login."""
-    if cookie:
-        db.execute(delete(Login).where(Login.token_hash == _hash(cookie)))
-        db.commit()
+def secure(scope: Scope) -> bool:
+    """Whether the browser speaks TLS, with us or with a trusted proxy in front."""
+    return scope["scheme"] in ("https", "wss")
 
 
 class Gate:
-    """Lets only requests and web sockets of logged-in browsers of our own pages through; puts security headers on every answer."""
+    """Lets requests and web sockets of our own pages through to what their account may use; puts security headers on every answer."""
 
     def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         self._app, self._store, self._settings = app, store, settings
+        self._doors: Doors | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(self._stranger, connection, scope)
-        if refusal is None:
-            await self._app(scope, receive, _with_headers(send) if scope["type"] == "http" else send)
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008, "reason": "not logged in"})
+        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(self._unfit, connection, scope)
+        if scope["type"] == "http":
+            await (refusal or self._app)(scope, receive, _with_headers(send, secure(scope)))
+        elif refusal is not None:
+            await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
-            await refusal(scope, receive, _with_headers(send))
+            await self._while_logged_in(connection, scope, receive, send)
 
     def _foreign(self, connection: HTTPConnection, scope: Scope) -> Response | None:
         """Refuse what was addressed to another server or sent by another site's page."""
         host = connection.headers.get("host", "")
         if not self._known_host(host):
-            return _answer(421, f"this server is not {host or 'without a name'}; open it under the address that it printed")
-        if scope["type"] == "websocket" or scope["method"] not in SAFE:
-            origin = connection.headers.get("origin")
-            if (origin is None and scope["type"] == "websocket") or (origin is not None and urlsplit(origin).netloc != host):
-                return _answer(403, "the request comes from another site's page")
+            return JSONResponse({"error": f"this server is not {host or 'without a name'}; open it under the address that it printed"}, 421)
+        changes = scope["type"] == "websocket" or scope["method"] not in SAFE
+        if _from_elsewhere(connection.headers, f"{'https' if secure(scope) else 'http'}://{host}", scope["type"], changes):
+            return _answer(connection, 403, OTHER_SITE)
         return None
 
-    def _stranger(self, connection: HTTPConnection, scope: Scope) -> Response | None:
-        """Refuse who is not logged in."""
-        if scope["type"] == "http" and _is_open(connection.url):
+    def _unfit(self, connection: HTTPConnection, scope: Scope) -> Response | None:
+        """Refuse who is not logged in, and what the account may not use."""
+        self._doors = self._doors or Doors(scope["app"].routes)
+        there, declaration = self._doors.of(scope)
+        if _is_open(connection.url) or (declaration is not None and ANYBODY in declaration.roles):
             return None
+        who = self._who(connection)
+        if who is None:
+            if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in Headers(scope=scope).get("accept", ""):
+                return RedirectResponse("/login", 303)
+            return _answer(connection, 401, STRANGER)
+        if there and (declaration is None or not declaration.admits(who)):
+            return _answer(connection, 403, NOT_YOURS)
+        scope.setdefault("state", {})["who"] = who
+        return None
+
+    def _who(self, connection: HTTPConnection) -> Who | None:
         with self._store.database() as db:
-            if logged_in(db, connection.cookies.get(COOKIE), self._settings.idle_logout):
-                return None
-        if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in Headers(scope=scope).get("accept", ""):
-            return RedirectResponse("/login", 303)
-        return _answer(401, "not logged in; open the address that the server printed, or print a new one with: handscope login")
+            login = alive(db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login)
+            return Who(login.account_id, login.account.name, frozenset(login.account.roles), login.id) if login else None
+
+    async def _while_logged_in(self, connection: HTTPConnection, scope: Scope, receive: Receive, send: Send) -> None:
+        """A web socket ends with its login: logged out, expired, out of use or with other roles."""
+        app, end = asyncio.ensure_future(self._app(scope, receive, send)), asyncio.ensure_future(self._end_of_login(connection, scope))
+        try:
+            await asyncio.wait({app, end}, return_when=asyncio.FIRST_COMPLETED)
+            over = not app.done()
+        finally:
+            app.cancel()
+            end.cancel()
+            await asyncio.wait({app, end})
+        if over:
+            with contextlib.suppress(RuntimeError):  # it closed itself meanwhile
+                await send({"type": "websocket.close", "code": 1008, "reason": "the login ended"})
+        else:
+            app.result()
+
+    async def _end_of_login(self, connection: HTTPConnection, scope: Scope) -> None:
+        while await anyio.to_thread.run_sync(self._unfit, connection, scope) is None:
+            await asyncio.sleep(CHECK_EVERY)
 
     def _known_host(self, host: str) -> bool:
         name = urlsplit(f"//{host}").hostname or ""
@@ -142,7 +130,7 @@ PAGE_POLICY = (
 )
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, over_tls: bool) -> Send:
     async def sender(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
@@ -150,19 +138,35 @@ def _with_headers(send: Send) -> Send:
             headers.setdefault("X-Content-Type-Options", "nosniff")
             headers.setdefault("Referrer-Policy", "no-referrer")
             headers.setdefault("X-Frame-Options", "SAMEORIGIN")
+            headers.setdefault("Cross-Origin-Opener-Policy", "same-origin")
+            headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
             headers.setdefault("Cache-Control", "no-store")
+            if over_tls:
+                headers.setdefault("Strict-Transport-Security", "max-age=31536000")
         await send(message)
 
     return sender
 
 
+def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bool:
+    """Whether another site's page sent it: by Origin and by Fetch Metadata (W3C), which browsers send and pages cannot forge.
+
+    A page on another port of the same host is another site here, though a SameSite cookie goes there. A link from elsewhere may be followed.
+    """
+    origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+    if origin is None and kind == "websocket":
+        return True
+    if (
+        changes and origin is not None and origin not in (ours, ours.replace("http://", "https://"))
+    ):  # TLS may end at a proxy that was not named
+        return True
+    followed = not changes and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+    return site not in ("same-origin", "none") and not followed
+
+
 def _is_open(url: URL) -> bool:
-    return url.path in OPEN_PATHS or url.path in OPEN_FILES or url.path.startswith(OPEN_FOLDERS)
+    return url.path in OPEN_FILES or url.path.startswith(OPEN_FOLDERS)
 
 
-def _answer(status: int, sentence: str) -> Response:
-    return JSONResponse({"error": sentence}, status)
-
-
-def _hash(secret: str) -> str:
-    return hashlib.sha256(secret.encode()).hexdigest()
+def _answer(connection: HTTPConnection, status: int, sentence: str) -> Response:
+    return JSONResponse({"error": preferred(connection).heard(sentence)}, status)

@@ -12,6 +12,7 @@ from app.api.state import preferred
 from estimators.errors import InputError
 from sessions.conflicts import ConflictError
 from sessions.full_disk import FULL, is_full
+from sessions.logins import ThrottledError
 from sessions.pseudonyms import UnconfirmedError
 
 NO_ROOM = 507  # HTTP: insufficient storage
@@ -28,6 +29,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(UnconfirmedError)
     async def unconfirmed(request: Request, error: UnconfirmedError) -> JSONResponse:
         return JSONResponse({"error": preferred(request).heard(str(error)), "confirm": error.doubts}, 422)
+
+    @app.exception_handler(ThrottledError)
+    async def throttled(request: Request, error: ThrottledError) -> JSONResponse:
+        return JSONResponse({"error": preferred(request).heard(str(error))}, 429, headers={"Retry-After": str(round(error.wait))})
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:

@@ -7,9 +7,10 @@ from fastapi import APIRouter
 from starlette.responses import Response
 
 from app import language
+from app.api.roles import ANYBODY, may
 from app.language import Language
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
 
 
 @router.get("/languages/names.js")

@@ -1,47 +1,65 @@
-"""/login and /api/login: a one-time token in the address, or typed, becomes a cookie"""
+"""/login and /api/login: a one-time token in the address, or typed, or a name with its password, becomes a cookie"""
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, RedirectResponse
 
-from app.api import access
+from app.api.access import cookie_name, cookie_of, secure
 from app.api.pages import STATIC
+from app.api.roles import ANYBODY, EVERY_ACCOUNT, may
 from app.api.state import Db, PartsDep
 from app.version import software_version
 from estimators.errors import InputError
+from sessions import accounts, logins
 
-router = APIRouter(tags=["login"])
-pages = APIRouter(include_in_schema=False)
+router = APIRouter(tags=["login"], dependencies=[may(ANYBODY)])
+pages = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
 
 
-class Token(BaseModel):
-    token: str = Field(max_length=200)
+class Proof(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    token: str = Field("", max_length=200, description="a one-time token; or")
+    name: str = Field("", max_length=64, description="an account, with its")
+    password: str = Field("", max_length=accounts.LONGEST)
 
 
 @pages.get("/login")
-def login_page(parts: PartsDep, token: Annotated[str, Query(max_length=200)] = "") -> Response:
+def login_page(parts: PartsDep, db: Db, request: Request, token: Annotated[str, Query(max_length=200)] = "") -> Response:
     """With a good token: in. Otherwise the page that asks for one."""
-    cookie = access.redeem(parts.store, token) if token else None
-    if cookie is None:
+    account = logins.redeem(db, parts.store, token) if token else None
+    if account is None:
         return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
-    return _with_cookie(RedirectResponse("/", 303), cookie)
+    return with_cookie(RedirectResponse("/", 303), request, logins.begin(db, account))
+
+
+@router.get("/login")
+def ways_in(db: Db) -> dict[str, Any]:
+    """What the login page asks for: passwords where an account has one."""
+    return {"passwords": accounts.with_passwords(db)}
 
 
 @router.post("/login", status_code=204)
-def log_in(parts: PartsDep, given: Token) -> Response:
-    cookie = access.redeem(parts.store, given.token.strip())
-    if cookie is None:
-        raise InputError("this code was used before or is not right; print a new one with: handscope login")
-    return _with_cookie(Response(status_code=204), cookie)
+def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
+    if given.name:
+        account = logins.by_password(db, given.name, given.password, address_of(request))
+        if account is None:
+            raise InputError("the name or the password is not right; after five tries the account is closed for a quarter of an hour")
+    else:
+        account = logins.redeem(db, parts.store, given.token.strip())
+        if account is None:
+            raise InputError("this code was used before or is not right; print a new one with: handscope login")
+    return with_cookie(Response(status_code=204), request, logins.begin(db, account))
 
 
 @router.delete("/login", status_code=204)
 def log_out(db: Db, request: Request) -> Response:
-    access.log_out(db, request.cookies.get(access.COOKIE))
+    logins.end(db, cookie_of(request))
     response = Response(status_code=204)
-    response.delete_cookie(access.COOKIE)
+    response.delete_cookie(cookie_name(request.scope), path="/", secure=secure(request.scope), httponly=True, samesite="strict")
     return response
 
 
@@ -50,6 +68,18 @@ def health() -> dict[str, Any]:
     return {"status": "ok", "version": software_version()}
 
 
-def _with_cookie(response: Response, cookie: str) -> Response:
-    response.set_cookie(access.COOKIE, cookie, httponly=True, samesite="strict", path="/")
+@router.get("/openapi.json", include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
+def openapi(request: Request) -> dict[str, Any]:
+    found: dict[str, Any] = request.app.openapi()
+    return found
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """Where a request comes from, as a trusted proxy says or as the socket does."""
+    return connection.client.host if connection.client else ""
+
+
+def with_cookie(response: Response, request: Request, cookie: str) -> Response:
+    """Scripts cannot read it, other sites' pages cannot send it, and behind TLS it never travels without."""
+    response.set_cookie(cookie_name(request.scope), cookie, httponly=True, samesite="strict", secure=secure(request.scope), path="/")
     return response

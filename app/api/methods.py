@@ -5,13 +5,14 @@ from typing import Any
 
 from fastapi import APIRouter
 
+from app.api.roles import EVERY_ACCOUNT, may
 from app.api.sessions import NewResult
 from app.api.state import LanguageDep
 from app.protocols import load_all
 from estimators.methods import METHODS
 from estimators.options import describe
 
-router = APIRouter(tags=["methods"])
+router = APIRouter(tags=["methods"], dependencies=[may(*EVERY_ACCOUNT)])
 
 
 @router.get("/methods")

@@ -6,13 +6,14 @@ from fastapi import APIRouter, Request, WebSocket
 from starlette.responses import FileResponse, Response
 
 import static
-from app.api.state import PartsDep, parts
+from app.api.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
+from app.api.state import StationDep, station_of
 from app.scene import bridge
 from estimators.errors import InputError
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent
-PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help")
+PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help", "/account", "/audit")
 
 
 def _page() -> FileResponse:
@@ -23,19 +24,18 @@ for address in PAGES:
     router.add_api_route(address, _page, methods=["GET"])
 
 
-@router.get("/scene/{name}/")
-def scene_page(request: Request, parts: PartsDep, name: str) -> Response:
+@router.get("/scene/{name}/", dependencies=[may(CLINICIAN, SCIENTIST)])
+def scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
-    parts.stations.get(name)
     packed = "gzip" in request.headers.get("accept-encoding", "")
     headers = {"Content-Security-Policy": bridge.policy(request.headers["host"]), **({"Content-Encoding": "gzip"} if packed else {})}
     return Response(bridge.client_page_gzipped() if packed else bridge.client_page(), media_type="text/html", headers=headers)
 
 
-@router.websocket("/scene/{name}")
+@router.websocket("/scene/{name}", dependencies=[may(CLINICIAN, SCIENTIST)])
 async def scene_socket(websocket: WebSocket, name: str) -> None:
     try:
-        scene = parts(websocket).stations.get(name).scene
+        scene = station_of(websocket, name).scene
     except InputError:
         await websocket.close(4404, "no such station")
         return

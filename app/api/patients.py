@@ -8,14 +8,16 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import StreamingResponse
 
+from app.api.pseudonymous import for_reader
 from app.api.readings import calibration_reading
+from app.api.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
 from app.api.sessions import session_row
 from app.api.state import Db, LanguageDep, PartsDep
 from app.patient_export import exported
 from sessions import dates, erasing, notes, patients, timeline
 from sessions.tables import Note, Patient, now
 
-router = APIRouter(tags=["patients"])
+router = APIRouter(tags=["patients"], dependencies=[may(CLINICIAN)])
 MOST = 200  # patients in one answer
 
 
@@ -63,9 +65,10 @@ class NoteChange(BaseModel):
     removed: bool | None = Field(None, description="a removed note can be brought back for a week")
 
 
-@router.get("/patients")
+@router.get("/patients", dependencies=[may(CLINICIAN, SCIENTIST)])
 def list_patients(
     db: Db,
+    who: WhoDep,
     response: Response,
     search: Annotated[str, Query(max_length=200)] = "",
     archived: bool = False,
@@ -75,7 +78,7 @@ def list_patients(
     """Patients by pseudonym, the most recently seen first; the header X-Total-Count says how many there are."""
     response.headers["X-Total-Count"] = str(patients.count(db, search, archived))
     found = patients.find(db, search, archived, limit, offset)
-    return [{**patient_row(p), "sessions": count, "last_session": last} for p, count, last in found]
+    return [for_reader(who, {**patient_row(p), "sessions": count, "last_session": last}) for p, count, last in found]
 
 
 @router.post("/patients", status_code=201)
@@ -83,26 +86,28 @@ def create_patient(db: Db, new: NewPatient) -> dict[str, Any]:
     return patient_row(patients.create(db, **new.model_dump()))
 
 
-@router.get("/patients/{patient_id}")
-def read_patient(db: Db, language: LanguageDep, patient_id: int) -> dict[str, Any]:
+@router.get("/patients/{patient_id}", dependencies=[may(CLINICIAN, SCIENTIST)])
+def read_patient(db: Db, who: WhoDep, language: LanguageDep, patient_id: int) -> dict[str, Any]:
     """A patient with notes and all sessions, the newest first."""
     patient, clock, visits = patients.get(db, patient_id), now(), timeline.visits(db, patient_id)
     sessions = [v.session for v in visits]
     doubts = dates.doubts(patient, sessions, clock)
     rows = [
-        {
-            **session_row(v.session),
-            "calibration": calibration_reading(v.calibration, language),
-            "warnings": v.warnings,
-            "doubts": doubts[v.session.id],
-        }
+        for_reader(
+            who,
+            {
+                **session_row(v.session),
+                "calibration": calibration_reading(v.calibration, language),
+                "warnings": v.warnings,
+                "doubts": doubts[v.session.id],
+            },
+        )
         for v in visits
     ]
     return {
-        **patient_row(patient),
-        "notes": [note_row(n) for n in patient.notes if n.removed is None],
+        **for_reader(who, {**patient_row(patient), "notes": [note_row(n) for n in patient.notes if n.removed is None]}),
         "sessions": rows,
-        "clock": {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)},
+        "clock": for_reader(who, {"now": clock, "doubts": dates.clock_doubts(patient, sessions, clock)}),
     }
 
 
@@ -132,7 +137,7 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> di
     return line.counts
 
 
-@router.get("/erasures")
+@router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
     return [{"at": line.at, "what": line.what, "counts": line.counts} for line in erasing.audit(db)]

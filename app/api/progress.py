@@ -5,6 +5,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
+from app.api.roles import CLINICIAN, SCIENTIST, may
 from app.api.state import Db, LanguageDep
 from app.language import Language
 from app.protocols import load_all
@@ -12,7 +13,7 @@ from app.report.changes import Judge
 from app.report.progress import Course, Progress, Series, progress
 from sessions import patients, repeatability
 
-router = APIRouter(prefix="/patients", tags=["patients"])
+router = APIRouter(prefix="/patients", tags=["patients"], dependencies=[may(CLINICIAN, SCIENTIST)])
 
 
 @router.get("/{patient_id}/progress")

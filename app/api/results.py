@@ -7,7 +7,9 @@ import numpy as np
 from fastapi import APIRouter, Query
 from starlette.responses import Response
 
+from app.api.pseudonymous import events_for
 from app.api.readings import readings
+from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from app.api.state import Db, LanguageDep, PartsDep
 from app.jobs import make_derivative, make_replay_file, make_report
 from app.kept_curves import APERTURE, beside, curves
@@ -20,7 +22,7 @@ from estimators.measures.comparison import Agreement
 from sessions import results
 from sessions.tables import Result
 
-router = APIRouter(prefix="/results", tags=["results"])
+router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
 FORMS = {"pdf": "application/pdf", "html": "text/html; charset=utf-8", "csv": "text/csv; charset=utf-8", "json": "application/json"}
 ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a report brings its own style and loads nothing
 
@@ -28,6 +30,7 @@ ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a repo
 @router.get("/{result_id}")
 def read_result(
     db: Db,
+    who: WhoDep,
     language: LanguageDep,
     result_id: int,
     lean: Annotated[bool, Query(description="without the SI figures and what each measure drew: megabytes of a long session")] = False,
@@ -47,7 +50,7 @@ def read_result(
         "progress": r.progress,
         "error": language.heard(r.error),
         "created": r.created,
-        "content": {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
+        "content": events_for(who, {name: value for name, value in r.content.items() if not (lean and name == "tasks")}),
         "warnings": [language.heard(w) for w in r.warnings],
         "readings": read,
         "checksum": r.recording.sha256,
@@ -97,7 +100,7 @@ def compare(
     }
 
 
-@router.get("/{result_id}/report.{form}")
+@router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN)])
 async def read_report(db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4") -> Response:
     """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:

@@ -10,6 +10,8 @@ from fastapi import APIRouter, Form, UploadFile
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse
 
+from app.api.pseudonymous import for_reader
+from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from app.api.state import Db, Parts, PartsDep
 from app.live.stations import live_setup
 from app.options import with_options
@@ -20,7 +22,7 @@ from estimators.options import describe
 from sessions import corrections, dates, native, patients, records, results
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
 
-router = APIRouter(tags=["sessions"])
+router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20
 
 
@@ -122,17 +124,20 @@ def close_session(db: Db, parts: PartsDep, session_id: int) -> None:
         _queue(db, parts, session, "m2", {})
 
 
-@router.get("/sessions/{session_id}")
-def read_session(db: Db, parts: PartsDep, session_id: int) -> dict[str, Any]:
+@router.get("/sessions/{session_id}", dependencies=[may(CLINICIAN, SCIENTIST)])
+def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[str, Any]:
     """A session with its recordings and results."""
     session = records.get(db, session_id)
     station = parts.stations.of_session(session_id)
     return {
-        **session_row(session),
+        **for_reader(who, session_row(session)),
         "geometry": session.geometry,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
-        "recordings": [recording_row(f) for f in session.recordings],
+        "recordings": [
+            for_reader(who, recording_row(f)) | {"corrections": [for_reader(who, correction_row(c)) for c in f.corrections]}
+            for f in session.recordings
+        ],
     }
 
 
@@ -145,7 +150,7 @@ def change_session(db: Db, session_id: int, change: SessionChange) -> dict[str, 
     return session_row(session)
 
 
-@router.post("/sessions/{session_id}/results", status_code=201)
+@router.post("/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)])
 def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict[str, Any]:
     """Process the session's recording by another method or with other options; the same again gives the result that is there."""
     result = _queue(db, parts, records.get(db, session_id), new.method, new.options)

@@ -9,10 +9,13 @@ from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
 from app import language as languages
+from app.api.roles import Who, who
 from app.jobs import Jobs
 from app.language import Language
-from app.live.stations import Stations
+from app.live.replay import Replay
+from app.live.stations import AnyStation, Stations
 from app.settings import Settings
+from estimators.errors import InputError
 from sessions.store import Store
 
 
@@ -36,6 +39,19 @@ def database(connection: HTTPConnection) -> Iterator[Session]:
         yield db
 
 
+def visible(who: Who, station: AnyStation) -> bool:
+    """Whether the account may see a station: a patient who is being measured is the clinician's alone."""
+    return who.sees_all or isinstance(station, Replay)
+
+
+def station_of(connection: HTTPConnection, name: str) -> AnyStation:
+    """The station; InputError where there is none that the account may see."""
+    found = parts(connection).stations.get(name)
+    if not visible(who(connection), found):
+        raise InputError(f"there is no station {name}; it was closed")
+    return found
+
+
 def language(
     connection: HTTPConnection,
     language: Annotated[str, Query(description="en, de, ...; without it the Accept-Language header decides")] = "",
@@ -49,6 +65,7 @@ def preferred(connection: HTTPConnection) -> Language:
     return languages.preferred(connection.headers.get("accept-language", ""))
 
 
+StationDep = Annotated[AnyStation, Depends(station_of)]
 PartsDep = Annotated[Parts, Depends(parts)]
 Db = Annotated[Session, Depends(database)]
 LanguageDep = Annotated[Language, Depends(language)]

@@ -9,14 +9,16 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from app.api.state import LanguageDep, PartsDep, parts
+from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from app.api.state import LanguageDep, PartsDep, StationDep, station_of, visible
 from app.devices import ports
 from app.language import Language
 from app.live.replay import Replay
 from app.live.stations import AnyStation
 from estimators.errors import InputError
 
-router = APIRouter(tags=["stations"])
+router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])
+WATCHERS = may(CLINICIAN, SCIENTIST)  # of replays, scientists too
 PULSE = 1 / 60  # s, least time between two messages to a viewer
 FULL = 0.1  # s between two whole snapshots to a viewer
 SPOKEN = (
@@ -52,21 +54,20 @@ def list_gloves(parts: PartsDep) -> list[dict[str, Any]]:
     return [{**port, "in_use": parts.stations.uses(str(port["path"]))} for port in (*own, *real)]
 
 
-@router.get("/stations")
-def list_stations(parts: PartsDep) -> list[dict[str, Any]]:
-    return [{"station": s.name, "kind": s.kind} for s in parts.stations.all()]
+@router.get("/stations", dependencies=[WATCHERS])
+def list_stations(parts: PartsDep, who: WhoDep) -> list[dict[str, Any]]:
+    return [{"station": s.name, "kind": s.kind} for s in parts.stations.all() if visible(who, s)]
 
 
-@router.get("/stations/{name}")
-def read_station(parts: PartsDep, language: LanguageDep, name: str) -> dict[str, Any]:
+@router.get("/stations/{name}", dependencies=[WATCHERS])
+def read_station(station: StationDep, language: LanguageDep) -> dict[str, Any]:
     """Where the session stands."""
-    return told(parts.stations.get(name), language)
+    return told(station, language)
 
 
-@router.post("/stations/{name}/actions")
-def act(parts: PartsDep, language: LanguageDep, name: str, wish: Wish) -> dict[str, Any]:
+@router.post("/stations/{name}/actions", dependencies=[WATCHERS])
+def act(station: StationDep, language: LanguageDep, wish: Wish) -> dict[str, Any]:
     """Tell the wizard or the replay what a person wants."""
-    station = parts.stations.get(name)
     if isinstance(station, Replay):
         station.act(wish.action, wish.value)
     else:
@@ -74,10 +75,11 @@ def act(parts: PartsDep, language: LanguageDep, name: str, wish: Wish) -> dict[s
     return told(station, language)
 
 
-@router.delete("/stations/{name}", status_code=204)
-def close_station(parts: PartsDep, name: str) -> None:
+@router.delete("/stations/{name}", status_code=204, dependencies=[WATCHERS])
+def close_station(parts: PartsDep, who: WhoDep, name: str) -> None:
     """End a session (its recording is kept) or a replay."""
-    parts.stations.close(name)
+    if any(s.name == name and visible(who, s) for s in parts.stations.all()):
+        parts.stations.close(name)
 
 
 def told(station: AnyStation, language: Language) -> dict[str, Any]:
@@ -86,12 +88,12 @@ def told(station: AnyStation, language: Language) -> dict[str, Any]:
     return found
 
 
-@router.websocket("/stations/{name}/live")
+@router.websocket("/stations/{name}/live", dependencies=[WATCHERS])
 async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
     """JSON messages: {"full": snapshot} ten times a second, {"pulse": newest pose and curve points} with every pose."""
     await websocket.accept()
     try:
-        station = parts(websocket).stations.get(name)
+        station = station_of(websocket, name)
     except InputError:
         await websocket.close(NO_SUCH, "no such station")
         return

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from app.api.access import new_token
 from app.commands.serve import default_data
 from app.commands.words import say
 from estimators.errors import InputError
+from sessions.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:

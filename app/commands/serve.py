@@ -11,14 +11,15 @@ from pathlib import Path
 
 import uvicorn
 
-from app.api.access import new_token
 from app.commands.words import say
 from app.server import create_app
 from app.settings import Settings
 from estimators.errors import InputError
+from sessions.logins import new_token
 
 DEFAULT_PORT = 8420
 FOLDER = "handscope-data"  # in the user's home
+IDLE, LONGEST = 4.0, 24.0  # h of a login
 
 
 def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
@@ -27,6 +28,15 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
     parser.add_argument("--data", type=Path, default=default_data(folder), metavar="DIR", help="data folder (%(default)s)")
     parser.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
     parser.add_argument("--name", action="append", default=[], metavar="HOST", help="another name under which browsers reach the server")
+    parser.add_argument(
+        "--proxy", action="append", default=[], metavar="IP", help="a reverse proxy whose X-Forwarded-For and -Proto are believed"
+    )
+    parser.add_argument(
+        "--idle-logout", type=_hours, default=IDLE, metavar="HOURS", help="a login ends without a request for so long (%(default)s)"
+    )
+    parser.add_argument(
+        "--longest-login", type=_hours, default=LONGEST, metavar="HOURS", help="every login ends after so long (%(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,6 +49,13 @@ def default_data(folder: str = FOLDER) -> Path:
     return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / folder)
 
 
+def _hours(word: str) -> float:
+    hours = float(word)
+    if not 0 < hours <= 24 * 366:
+        raise ValueError
+    return hours
+
+
 def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
     """Listen, print the address with a one-time token, serve until stopped."""
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(name)s %(levelname)s %(message)s")
@@ -49,6 +66,9 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         database_url=arguments.database,
         hosts=tuple(arguments.name),
         demo_ports=demo_ports,
+        proxies=tuple(arguments.proxy),
+        idle_logout=3600.0 * arguments.idle_logout,
+        longest_login=3600.0 * arguments.longest_login,
     )
     listener = _listen(arguments.host, arguments.port)
     try:

@@ -1,6 +1,6 @@
 """A server in this process and a client that is logged in."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +9,7 @@ from starlette.testclient import TestClient
 from app.api.access import new_token
 from app.server import create_app
 from app.settings import Settings
+from sessions import accounts
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,23 @@ def client(server: TestClient, settings: Settings) -> Iterator[TestClient]:
     answer = server.post("/api/login", json={"token": new_token(settings.data)})
     assert answer.status_code == 204
     yield server
+    server.cookies.clear()
+
+
+@pytest.fixture
+def log_in_as(server: TestClient, settings: Settings) -> Iterator[Callable[..., TestClient]]:
+    """Logs the client in to an account that has these roles alone."""
+
+    def as_(*roles: str) -> TestClient:
+        name = ".".join(roles)
+        with server.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
+            if name not in [a.name for a in accounts.everyone(db)]:
+                accounts.add(db, name, roles)
+        server.cookies.clear()
+        assert server.post("/api/login", json={"token": new_token(settings.data, name)}).status_code == 204
+        return server
+
+    yield as_
     server.cookies.clear()
 
 

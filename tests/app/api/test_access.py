@@ -2,17 +2,24 @@
 
 import os
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from starlette.routing import Mount, Route, WebSocketRoute
+from fastapi import FastAPI
+from starlette.middleware import Middleware
+from starlette.routing import Mount
+from starlette.staticfiles import StaticFiles
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from app.api import access
-from app.api.access import COOKIE, OPEN_FOLDERS, OPEN_PATHS, new_token
+from app.api.access import COOKIE, Gate, new_token
+from app.api.roles import ANYBODY, Doors, May, may
 from app.settings import Settings
+from sessions import accounts, logins
+from sessions.accounts import ADMINISTRATOR, ROLES
+from sessions.store import open_store
 
 ORIGIN = {"Origin": "http://127.0.0.1:8420"}
 SOCKETS = "ws://127.0.0.1:8420"
@@ -22,22 +29,16 @@ SOCKETS = "ws://127.0.0.1:8420"
 class Address:
     path: str
     methods: frozenset[str]  # empty: a web socket
+    may: May | None
 
 
 def addresses(server: TestClient) -> list[Address]:
-    """Everything the application serves, that of included routers too."""
+    """Everything the application serves, that of included routers and of the mounted folder too."""
     found = []
-    for route in server.app.routes:  # type: ignore[attr-defined]
-        if isinstance(route, Mount):
-            found.append(Address(f"{route.path}/app.js", frozenset({"GET"})))
-        elif isinstance(route, Route):
-            found.append(Address(route.path, frozenset(route.methods or ())))
-        else:
-            prefix = route.include_context.prefix if hasattr(route, "include_context") else ""
-            for inner in route.effective_route_contexts():
-                web_socket = isinstance(inner.original_route, WebSocketRoute) or "WebSocket" in type(inner.original_route).__name__
-                path = getattr(inner, "path", None) or prefix + inner.original_route.path
-                found.append(Address(path, frozenset() if web_socket else frozenset(inner.methods)))
+    for route, declaration in Doors(server.app.routes).all:  # type: ignore[attr-defined]
+        mounted = isinstance(route.original_route, Mount)
+        methods = frozenset({"GET"} if mounted else getattr(route, "methods", None) or ())
+        found.append(Address(filled(f"{route.path}/app.js" if mounted else str(route.path)), methods, declaration))
     return found
 
 
@@ -45,20 +46,66 @@ def filled(path: str) -> str:
     return re.sub(r"\{[^}]*\}", "1", path)
 
 
-def test_every_route_without_a_login_is_refused(server: TestClient) -> None:
+def refused(server: TestClient, address: Address) -> set[int]:
+    """The answers to everything the address takes; 403 of a web socket that is closed before it is open."""
+    if address.methods:
+        return {server.request(method, address.path).status_code for method in address.methods}
+    try:
+        with server.websocket_connect(SOCKETS + address.path, headers=ORIGIN) as socket:
+            socket.receive()  # of a station that is not there
+            return {4404}
+    except WebSocketDisconnect as closed:
+        return {403 if closed.code == 1008 else closed.code}
+
+
+def test_every_route_says_who_may_use_it(server: TestClient) -> None:
     served = addresses(server)
-    assert {"/api/patients", "/api/results/{result_id}/report.{form}", "/scene/{name}/", "/static/app.js", "/api/openapi.json"} <= {
-        a.path for a in served
-    }
-    assert {"/scene/{name}", "/api/stations/{name}/live"} == {a.path for a in served if not a.methods}
-    for address in served:
-        path = filled(address.path)
-        if not address.methods:
-            with pytest.raises(WebSocketDisconnect), server.websocket_connect(SOCKETS + path, headers=ORIGIN):
-                pass
-        elif path not in OPEN_PATHS and not path.startswith(OPEN_FOLDERS):
-            for method in address.methods:
-                assert server.request(method, path).status_code == 401, (method, path)
+    assert {"/api/patients", "/api/results/1/report.1", "/scene/1/", "/static/app.js", "/api/openapi.json"} <= {a.path for a in served}
+    assert {"/scene/1", "/api/stations/1/live"} == {a.path for a in served if not a.methods}
+    assert [a.path for a in served if a.may is None] == []
+    anybody = {a.path for a in served if a.may and ANYBODY in a.may.roles}
+    assert anybody == {"/login", "/api/login", "/api/health", "/languages/names.js", "/languages/1.js"}
+
+
+def test_every_route_without_a_login_is_refused(server: TestClient) -> None:
+    for address in addresses(server):
+        if address.may is None or ANYBODY not in address.may.roles:
+            assert refused(server, address) <= {401, 403}, address
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_every_route_of_other_roles_is_refused_and_the_own_ones_answer(role: str, log_in_as: Callable[..., TestClient]) -> None:
+    client = log_in_as(role)
+    for address in addresses(client):
+        if address.may and ANYBODY not in address.may.roles:
+            answers = refused(client, address)
+            assert (answers == {403}) == (role not in address.may.roles), (role, address, answers)
+            assert 401 not in answers
+
+
+def test_a_route_that_says_nothing_is_refused_to_everybody(tmp_path: Path) -> None:
+    store, settings = open_store(tmp_path), Settings(data=tmp_path)
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, middleware=[Middleware(Gate, store=store, settings=settings)])
+    app.add_api_route("/forgotten", lambda: "secret")
+    app.add_api_route("/declared", lambda: "answer", dependencies=[may(*ROLES)])
+    app.mount("/folder", StaticFiles(directory=tmp_path))
+    with store.database() as db:
+        cookie = logins.begin(db, accounts.add(db, "anna", ROLES))
+    client = TestClient(app, base_url="http://127.0.0.1:8420", cookies={COOKIE: cookie})
+    answers = {path: client.get(path).status_code for path in ("/forgotten", "/folder/handscope.sqlite", "/declared")}
+    assert answers == {"/forgotten": 403, "/folder/handscope.sqlite": 403, "/declared": 200}
+
+
+def test_roles_that_change_count_from_the_next_request_on(log_in_as: Callable[..., TestClient]) -> None:
+    client = log_in_as(*ROLES)
+    assert client.get("/api/patients").status_code == 200
+    with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
+        account = accounts.named(db, ".".join(ROLES))
+        accounts.change(db, account, roles=[ADMINISTRATOR])
+        assert client.get("/api/patients").status_code == 403
+        accounts.change(db, account, disabled=True)
+        assert client.get("/api/patients").status_code == 401
+        accounts.change(db, account, roles=ROLES, disabled=False)
 
 
 def test_a_person_without_a_login_is_shown_the_way_to_it(server: TestClient) -> None:
@@ -108,21 +155,54 @@ def test_logging_out_ends_the_login(client: TestClient) -> None:
     assert client.get("/api/patients").status_code == 401
 
 
-def test_an_idle_login_ends(client: TestClient, settings: Settings) -> None:
+def test_an_idle_login_ends(client: TestClient) -> None:
+    ended({"idle": -1.0, "longest": 60.0}, client)
+
+
+def test_a_login_ends_after_the_longest_time_however_busy_it_was(client: TestClient) -> None:
+    ended({"idle": 60.0, "longest": -1.0}, client)
+
+
+def ended(limits: dict[str, float], client: TestClient) -> None:
     store = client.app.state.parts.store  # type: ignore[attr-defined]
     with store.database() as db:
-        assert access.logged_in(db, client.cookies[COOKIE], idle=60.0)
-        assert not access.logged_in(db, client.cookies[COOKIE], idle=-1.0)
+        assert logins.alive(db, client.cookies[COOKIE], idle=60.0, longest=60.0)
+        assert not logins.alive(db, client.cookies[COOKIE], **limits)
     assert client.get("/api/patients").status_code == 401
 
 
-def test_requests_from_another_sites_page_are_refused(client: TestClient) -> None:
-    evil = {"Origin": "http://evil.example"}
-    assert client.post("/api/patients", json={"pseudonym": "x"}, headers=evil).status_code == 403
-    with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKETS + "/api/stations/1/live", headers=evil):
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:9000"},  # the same site for a cookie
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"},
+        {"Sec-Fetch-Site": "same-site", "Origin": "http://127.0.0.1:8420"},
+    ],
+    ids=str,
+)
+def test_requests_from_another_sites_page_are_refused(client: TestClient, headers: dict[str, str]) -> None:
+    before = client.get("/api/patients").json()
+    assert client.post("/api/patients", json={"pseudonym": "x"}, headers=headers).status_code == 403
+    assert client.post("/api/patients", data={"pseudonym": "x"}, headers=headers).status_code == 403  # a plain form
+    assert client.post("/api/login", json={"token": "x"}, headers=headers).status_code == 403
+    assert client.get("/api/patients").json() == before
+    with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKETS + "/api/stations/1/live", headers=headers):
         pass
+
+
+def test_a_web_socket_without_an_origin_is_refused(client: TestClient) -> None:
     with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKETS + "/api/stations/1/live"):
-        pass  # no Origin at all: not a browser's page
+        pass
+
+
+def test_another_sites_page_may_link_to_us_but_not_read_us(client: TestClient) -> None:
+    followed = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    assert client.get("/", headers=followed).status_code == 200
+    for dest, mode in (("script", "no-cors"), ("image", "no-cors"), ("iframe", "navigate"), ("empty", "cors")):
+        framed = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": mode, "Sec-Fetch-Dest": dest}
+        assert client.get("/api/patients", headers=framed).status_code == 403
 
 
 def test_another_name_for_the_server_is_refused(client: TestClient) -> None:

@@ -1,0 +1,88 @@
+"""Who may use a route is said where the route is: `dependencies=[may(CLINICIAN)]` on its router, or on the route where it differs.
+
+The innermost declaration counts. A route without one is refused to everybody (app/api/access.py): forgetting it locks out, it never lets in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from fastapi import Depends
+from fastapi.routing import RouteContext, iter_route_contexts
+from starlette.requests import HTTPConnection
+from starlette.routing import BaseRoute, Match
+from starlette.types import Scope
+
+from sessions.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
+
+__all__ = ["ADMINISTRATOR", "ANYBODY", "CLINICIAN", "EVERY_ACCOUNT", "SCIENTIST", "Doors", "May", "Who", "WhoDep", "may"]
+EVERY_ACCOUNT = ROLES
+ANYBODY = "anybody"  # without a login
+
+
+@dataclass(frozen=True)
+class Who:
+    """The account that a request comes from."""
+
+    account: int
+    name: str
+    roles: frozenset[str]
+    login: int
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether free text and what else may tell who a patient is are shown (app/api/pseudonymous.py)."""
+        return CLINICIAN in self.roles
+
+
+@dataclass(frozen=True)
+class May:
+    """A declaration; as a dependency it does nothing, the gate has decided before."""
+
+    roles: frozenset[str]
+
+    async def __call__(self) -> None:
+        pass
+
+    def admits(self, who: Who) -> bool:
+        return ANYBODY in self.roles or not self.roles.isdisjoint(who.roles)
+
+
+def may(*roles: str) -> Any:
+    """A declaration for `dependencies=[...]`."""
+    assert roles and set(roles) <= {*ROLES, ANYBODY}
+    return Depends(May(frozenset(roles)))
+
+
+def who(connection: HTTPConnection) -> Who:
+    """The account that this request comes from."""
+    found: Who = connection.state.who
+    return found
+
+
+WhoDep = Annotated[Who, Depends(who)]
+
+
+class Doors:
+    """All routes of an application with their declarations, in the order in which they are tried."""
+
+    def __init__(self, routes: Sequence[BaseRoute]) -> None:
+        self.all: list[tuple[RouteContext, May | None]] = [(route, declared(route)) for route in iter_route_contexts(routes)]
+
+    def of(self, scope: Scope) -> tuple[bool, May | None]:
+        """Whether there is such a route, and its declaration; of one that lacks the method, too."""
+        partly = None
+        for route, declaration in self.all:
+            match, _ = route.matches(scope)
+            if match is Match.FULL:
+                return True, declaration
+            if match is Match.PARTIAL and partly is None:
+                partly = True, declaration
+        return partly or (False, None)
+
+
+def declared(route: RouteContext) -> May | None:
+    """The innermost declaration of a route; a mounted application says it as its attribute `may`."""
+    found = [d.dependency for d in getattr(route, "dependencies", ()) if isinstance(d.dependency, May)]
+    mounted: May | None = getattr(getattr(route, "app", None), "may", None)
+    return found[-1] if found else mounted
