@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sqlalchemy import MetaData, create_engine, select, text
 
 from estimators.errors import InputError
-from sessions import backup, database_dump, erasing, notes, patients
+from sessions import accounts, backup, database_dump, erasing, notes, patients
 from sessions.database import FILE, connected, upgrade
 from sessions.native import file_checksum
 from sessions.store import Store, open_store
@@ -55,7 +55,8 @@ def filled(store: Store) -> Store:
             (store.folder / "results").mkdir(exist_ok=True)
             (store.folder / f"results/{made.id}.npz").write_bytes(word.encode())
         running = PatientSession(patient_id=1, hand="right")
-        db.add_all([RecordingFile(session=running, format="native", file="recordings/runs.mcap"), Login(token_hash="0" * 64)])
+        login = Login(token_hash="0" * 64, account=accounts.local(db))
+        db.add_all([RecordingFile(session=running, format="native", file="recordings/runs.mcap"), login])
         db.commit()
         (store.folder / "recordings/runs.mcap").write_bytes(b"as far as it goes")
         erasing.erase(db, store, 3, "Quince")
