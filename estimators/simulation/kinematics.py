@@ -5,7 +5,8 @@ Out     per segment: orientation, angular velocity and acceleration, place and a
 Source  rigid-body recursion from the forearm outwards; joint rotations intrinsic z-x'-y''
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -64,6 +65,11 @@ def of_motion(motion: Motion, geometry: HandGeometry, t: Array) -> Kinematics:
     for f, finger in enumerate(FINGERS):
         k.tips[:, f] = quat.rotate(quat.conjugate(q_GW), k.p[:, SEGMENT[CHAINS[finger][-1]]] - wrist)
     return k
+
+
+def in_sequence(parts: Sequence[Kinematics]) -> Kinematics:
+    """One after the other."""
+    return Kinematics(*(np.concatenate([getattr(k, f.name) for k in parts]) for f in fields(Kinematics)))
 
 
 def truth(kinematics: Kinematics, hand: Hand) -> Trajectory:

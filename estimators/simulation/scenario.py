@@ -10,13 +10,23 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Event, Stream, join
-from estimators.simulation import kinematics, sensors, tasks, transmission
+from estimators.samples import ACC, FORCE, GYR, MAG, Block, Event, Stream, join
+from estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission
+from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.magnetic_field import MagneticField, homogeneous
 from estimators.simulation.sensors import SensorErrors, SensorSet
 from estimators.simulation.tasks import Performance
 from estimators.simulation.transmission import WIRED, Transmission
 from estimators.trajectory import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceGlove:
+    """Fingertips with force sensors."""
+
+    fingers: tuple[str, ...] = ("thumb", "index")
+    rate: float = 12.0  # Hz: Kortier, thesis 6.2.3
+    errors: ForceErrors = field(default_factory=ForceErrors)
 
 
 @dataclass(frozen=True)
@@ -73,13 +83,14 @@ def performed(
     mag_rate: float = 100.0,
     known: HandGeometry | None = None,
     link: Transmission = WIRED,
+    force: ForceGlove | None = None,
 ) -> Simulated:
     """The same of performances already made up; with a `field` magnetometers in a stream of their own, `known` is the geometry that a method is given.
 
-    Magnetometers and losses have random streams of their own: the inertial readings are the same with and without them.
+    Magnetometers, losses and force sensors have random streams of their own: the inertial readings are the same with and without them.
     """
     worn = sensors.mounted(segments, geometry, errors, rng)
-    of_mag, of_link = rng.spawn(2)
+    of_mag, of_link, of_force = rng.spawn(3)
     plans = _plans(segments, errors, rate, forearm_rate, mag_rate if field is not None else None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
     clocks = {p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0 for p in plans}
@@ -100,8 +111,27 @@ def performed(
                 truths.append(kinematics.truth(k, hand))
         events += [Event(e.onset + begin, e.duration, e.trial_type, e.details) for e in performance.events]
         begin = end
+    if force is not None:
+        parts["force"] = [_felt(performances, geometry, worn, force, of_force)]
     samples = {name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()}
     return Simulated(hand, known or geometry, samples, tuple(events), trajectory.join(truths, hand), worn)
+
+
+def _felt(
+    performances: Sequence[Performance], geometry: HandGeometry, worn: SensorSet, glove: ForceGlove, rng: np.random.Generator
+) -> Block:
+    """What the force sensors read over all performances; nothing is touched where a performance has no forces."""
+    sensors_worn = force_sensors.worn(glove.fingers, glove.errors, rng)
+    stream = Stream("force", tuple(f"{f}_tip_force" for f in glove.fingers), (FORCE,), glove.rate, "imu", {FORCE: glove.errors.limit})
+    starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
+    moved, forces = [], []
+    for performance, begin, end in zip(performances, starts, starts[1:]):
+        t = _instants(begin, end, glove.rate, 1.0)
+        k = kinematics.of_motion(performance.motion, geometry, t - begin)
+        forces.append(np.zeros((len(t), 5, 3)) if performance.forces is None else performance.forces(k))
+        moved.append(replace(k, t=t))
+    whole = kinematics.in_sequence(moved)
+    return Block(stream, whole.t, force_sensors.readings(sensors_worn, worn, whole, np.concatenate(forces), rng))
 
 
 def _plans(segments: Sequence[str], errors: SensorErrors, rate: float, forearm_rate: float | None, mag_rate: float | None) -> list[Stream]:

@@ -17,6 +17,7 @@ from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.simulation.assessment import DOWN, RANGES, ROUNDS, TREMORS, TURNING, UP, trembling
 from estimators.simulation.grasp import pinch
+from estimators.simulation.kinematics import Kinematics
 from estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
 from estimators.simulation.powerglove import CIRCLING, FAST, MOVEMENTS, POINTING, RAMP, circles
 
@@ -33,6 +34,7 @@ class Performance:
 
     motion: Motion
     events: tuple[Event, ...]
+    forces: Callable[[Kinematics], Array] | None = None  # (n, 5, 3) N, of the fingers on what they hold, at instants of the motion
 
 
 def relaxed() -> Array:

@@ -1,0 +1,78 @@
+"""Force sensors in the cuffs of fingertips: what they read of the forces that the fingers exert.
+
+In      true forces by finger in the global frame (n, 5, 3) N, exerted by the finger on what it touches; the inertial sensors of the same tips
+Out     readings (n, fingers, 3) N in the sensors' frames, with the errors drawn for each sensor
+Source  Kortier, thesis 6.2 and 6.4: cuffs hold both sensors rigidly, 12 Hz, readings that follow the supply; sizes are options with their source
+Limits  a cuff that shifts under load is not simulated
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.simulation.kinematics import Kinematics
+from estimators.simulation.sensors import SensorSet, true_mounting
+
+PRECISION = "full-scale errors of a four-axis skin-interface sensor, BioMed Eng OnLine 11:90, Table 4: 0 to 4 %"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceErrors:
+    """Sizes (standard deviations unless said otherwise) from which each sensor's own errors are drawn."""
+
+    noise: float = option(
+        0.05, "N", "noise of one reading in each axis", "mean error 0.05 to 0.07 N: El-Azizi et al. 2024, arXiv 2410.03481"
+    )
+    offset: float = option(0.2, "N", "reading of an axis that nothing touches, when switched on", "ours")
+    drift: float = option(
+        0.02, "N/sqrt(s)", "random walk of that reading", "supply fluctuations, Kortier thesis 6.4, no size given; ours: 0.15 N in a minute"
+    )
+    scale: float = option(0.02, "1", "scale error of each axis", PRECISION)
+    cross_axis: float = option(0.01, "1", "share of another axis in each axis", PRECISION)
+    cuff: float = option(1.0, "deg", "turn of the force sensor against the inertial sensor on the cuff, in each axis", "3D print; ours")
+    limit: float = option(30.0, "N", "full scale of an axis", "ours: beyond what a pinch needs (power pinch of adults about 50 N)")
+
+
+IDEAL = ForceErrors(noise=0.0, offset=0.0, drift=0.0, scale=0.0, cross_axis=0.0, cuff=0.0)
+
+
+@dataclass(frozen=True)
+class ForceSensors:
+    """Force sensors as worn, errors drawn."""
+
+    fingers: tuple[str, ...]
+    q_BF: Array  # (fingers, 4) on the cuff, against the inertial sensor's nominal mounting
+    matrix: Array  # (fingers, 3, 3)
+    offset: Array  # (fingers, 3) N
+    errors: ForceErrors
+
+
+def worn(fingers: Sequence[str], errors: ForceErrors, rng: np.random.Generator) -> ForceSensors:
+    """Draw the errors of one sensor a finger; their axes lie along the segment's but for the cuff's error."""
+    n, e = len(fingers), errors
+    matrix = np.eye(3) + e.cross_axis * rng.normal(size=(n, 3, 3))
+    matrix[:, range(3), range(3)] = 1 + e.scale * rng.normal(size=(n, 3))
+    return ForceSensors(
+        tuple(fingers), quat.exp(np.radians(e.cuff) * rng.normal(size=(n, 3))), matrix, e.offset * rng.normal(size=(n, 3)), e
+    )
+
+
+def readings(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator) -> Array:
+    """Readings (n, fingers, 3) at the instants of the kinematics of the true forces (n, 5, 3)."""
+    mounting, read = true_mounting(tips, k), np.empty((len(k.t), len(sensors.fingers), 3))
+    for f, finger in enumerate(sensors.fingers):
+        segment = CHAINS[finger][-1]
+        row = tips.segments.index(segment)
+        q_GI = quat.multiply(k.q_GB[:, SEGMENT[segment]], mounting[:, row])
+        q_GF = quat.multiply(quat.multiply(q_GI, quat.conjugate(tips.nominal[row])), sensors.q_BF[f])
+        own = quat.rotate(quat.conjugate(q_GF), forces[:, FINGERS.index(finger)])
+        read[:, f] = own @ sensors.matrix[f].T + sensors.offset[f]
+    e = sensors.errors
+    steps = np.sqrt(np.diff(k.t, prepend=k.t[:1]))[:, None, None]
+    read += np.cumsum(e.drift * steps * rng.normal(size=read.shape), axis=0) + e.noise * rng.normal(size=read.shape)
+    return np.clip(read, -e.limit, e.limit)
