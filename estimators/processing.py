@@ -11,6 +11,7 @@ from estimators import full_scales, functional_calibration, functional_steps, in
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import Finding, whole_streams
+from estimators.force import fingertip_forces
 from estimators.functional_steps import STEPS, Piece
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.run import run
@@ -54,8 +55,9 @@ def process(
     if method.NEEDS_POSE:
         flag_guesses(moved, calibrations)
     flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
+    moved, of_forces = fingertip_forces.attached(fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations)
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
-    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
+    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved), *of_forces]
     return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings)
 
 

@@ -32,6 +32,27 @@ FLAG_WORDS = {
 }
 
 
+class ForceFlag(IntFlag):
+    """What is to be known about a fingertip's force before it is trusted."""
+
+    MISSING = 1  # no force sample near: bridged
+    SATURATED = 2  # the force sensor was at its limit
+    DRIFT = 4  # what the sensor reads of nothing changed more than its noise explains
+    UNBALANCED = 8  # the forces do not add up: something that is not measured touches the object
+    SLIP = 16  # the object moved against the fingers
+    UNORIENTED = 32  # how the fingertip is turned was not known
+
+
+FORCE_WORDS = {
+    ForceFlag.MISSING: "force samples missing and bridged",
+    ForceFlag.SATURATED: "force sensor at its limit",
+    ForceFlag.DRIFT: "force sensor drifts",
+    ForceFlag.UNBALANCED: "forces do not balance: something not measured touches the object, or a force sensor is wrong",
+    ForceFlag.SLIP: "the object slipped",
+    ForceFlag.UNORIENTED: "orientation of the fingertip not known",
+}
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Samples of the hand's movement; NaN where a segment is not measured."""
@@ -44,6 +65,10 @@ class Trajectory:
     flags: NDArray[np.uint8]  # (n, segments) Flag bits
     angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
     tips_sd: Array | None = None  # (n, 5, 3) m
+    forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
+    forces_sd: Array | None = None  # (n, 5, 3) N
+    force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
+    lifting: Array | None = None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
 
     def __len__(self) -> int:
         return len(self.t)

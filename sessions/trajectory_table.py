@@ -25,6 +25,7 @@ def table_of(moved: Trajectory) -> tuple[list[Column], NumberTable]:
     for segment in measured_segments(moved):
         columns += [(f"{segment}_quat_{c}", f"quat_{c}", "ORNT", segment, "n/a") for c in "wxyz"]
         data += list(moved.q_GS[:, SEGMENT[segment]].T)
+    _add_forces(moved, columns, data)
     _add_deviations(moved, columns, data)
     for segment in measured_segments(moved):
         columns.append((f"{segment}_flags", "n/a", "MISC", segment, "n/a"))
@@ -40,6 +41,20 @@ def channels_of(columns: list[Column]) -> bytes:
 def measured_segments(moved: Trajectory) -> list[str]:
     """Segments with an orientation at any time."""
     return [s for k, s in enumerate(SEGMENTS) if len(moved) and np.isfinite(moved.q_GS[:, k, 0]).any()]
+
+
+def _add_forces(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:
+    """Forces of the fingertips that have a sensor, with their standard deviations and flags."""
+    if moved.forces is None or moved.forces_sd is None or moved.force_flags is None:
+        return
+    for f, finger in enumerate(FINGERS):
+        if np.isfinite(moved.forces[:, f]).any():
+            point = f"{finger}_tip_force"
+            columns += [(f"{point}_{c}", c, "MISC", point, "N") for c in "xyz"] + [
+                (f"{point}_{c}_sd", c, "MISC", point, "N") for c in "xyz"
+            ]
+            columns.append((f"{point}_flags", "n/a", "MISC", point, "n/a"))
+            data += [*moved.forces[:, f].T, *moved.forces_sd[:, f].T, moved.force_flags[:, f].astype(float)]
 
 
 def _add_deviations(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:

@@ -8,6 +8,7 @@ from estimators.measures import (
     forearm_rotation,
     independence,
     kapandji,
+    lift,
     open_close,
     pinch,
     pronation_supination,
@@ -36,4 +37,5 @@ MEASURES: dict[str, ModuleType] = {
     "self_check": self_check,
     "tremor": tremor,
     "reach": reach,
+    "lift": lift,
 }

@@ -1,0 +1,1 @@
+"""Fingertip forces and the object between the fingers: Kortier, thesis ch. 6 (docs/methods.md has equation -> function)."""

@@ -1,0 +1,72 @@
+"""When something is held: grasp and release by a threshold on the sum of the fingertips' forces.
+
+In      sizes of the forces (n, S) N at times t (n,), NaN where not known
+Out     Grasps: onset and end
+Source  Kortier, thesis 6.3: a threshold detector acting on the sum of measured forces; two thresholds, so that it does not chatter: ours
+Limits  with one force sensor a push at the table looks like a grasp
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.options import option
+from estimators.quaternions import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactParams:
+    grasp: float = option(
+        0.6, "N", "sum of the forces above which something is held", "ours: six times the noise of two sensors", least=0.05
+    )
+    release: float = option(0.35, "N", "and below which it is let go", "ours", least=0.02)
+    shortest: float = option(0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0)
+    pause: float = option(0.2, "s", "a shorter pause is none", "ours", least=0.0)
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """A stretch in which something is held."""
+
+    onset: float  # s
+    end: float  # s
+
+
+def grasps(params: ContactParams, t: Array, sizes: Array) -> list[Grasp]:
+    """Every stretch in which the fingertips hold something, in order."""
+    total = np.nansum(sizes, axis=1)
+    held = _with_hysteresis(total, params.grasp, params.release)
+    found: list[Grasp] = []
+    for a, b in runs(held):
+        onset, end = _crossing(t, total, a, params.release), _crossing(t, total, b + 1, params.release)
+        if found and onset - found[-1].end < params.pause:
+            onset = found.pop().onset
+        found.append(Grasp(onset, end))
+    return [g for g in found if g.end - g.onset >= params.shortest]
+
+
+def inside(t: Array, found: list[Grasp]) -> NDArray[np.bool_]:
+    """Which instants (n,) lie within a grasp."""
+    return np.asarray(np.any([(t >= g.onset) & (t <= g.end) for g in found], axis=0)) if found else np.zeros(len(t), bool)
+
+
+def _with_hysteresis(total: Array, high: float, low: float) -> NDArray[np.bool_]:
+    """True from where the signal exceeds `high`, back and on as long as it stays above `low`."""
+    held = np.zeros(len(total), bool)
+    for a, b in runs(total > low):
+        held[a : b + 1] = total[a : b + 1].max() > high
+    return held
+
+
+def _crossing(t: Array, total: Array, k: int, level: float) -> float:
+    """Between samples k - 1 and k the signal crosses the level: when."""
+    if not 0 < k < len(t) or total[k] == total[k - 1]:
+        return float(t[min(max(k, 0), len(t) - 1)])
+    return float(t[k - 1] + np.clip((level - total[k - 1]) / (total[k] - total[k - 1]), 0.0, 1.0) * (t[k] - t[k - 1]))
+
+
+def runs(inside: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
+    edges = np.diff(np.concatenate([[False], inside, [False]]).astype(int))
+    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1))

@@ -1,0 +1,203 @@
+"""The forces of the fingertips in the global frame, at every instant of the hand's movement, from slow sensors in the fingertips' cuffs.
+
+In      the trajectory of a method, the samples of force sensors and of the inertial sensors on the same cuffs, the calibrations
+Out     the trajectory with forces, their standard deviations and flags, and the specific force of what is held
+Source  Kortier, thesis 6.2.2: (6.11), (6.13), (6.14); zero.py, interpolation.py, contact.py, tip_orientation.py
+Limits  a cuff holds both sensors rigidly (6.2): the inertial sensor's calibrated mounting tells the force sensor's; a cuff that slips is not seen
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.calibration import Calibration
+from estimators.force import contact, interpolation, tip_orientation, zero
+from estimators.force.contact import ContactParams, Grasp, runs
+from estimators.force.tip_orientation import TipParams, Tips
+from estimators.force.zero import Zero, ZeroParams
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import ACC, FORCE, GYR, Block, beyond
+from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
+
+DEG = np.pi / 180
+STUCK = 3  # equal readings at the end of a sensor's range in a row
+REPEATED = 0.5  # share of readings that equal the one before
+FAR = 1.0  # N from the level at rest
+IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
+LEAST = 8  # force samples of a sensor that is used
+LOST = 1.0  # s without a force sample, beyond which no force is told
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceParams(TipParams, ContactParams, ZeroParams):
+    bridged: float = option(
+        0.25, "s", "distance to the nearest force sample beyond which it counts as missing", "ours: three samples at 12 Hz", least=0.01
+    )
+    doubt: float = option(4.0, "1", "standard deviations beyond which a zero has drifted, or forces do not balance", "ours", least=1.0)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The force sensor of one fingertip: where it is read, and what surrounds it."""
+
+    finger: str
+    block: Block  # with this sensor alone
+
+
+def attached(
+    params: ForceParams, moved: Trajectory, blocks: Sequence[Block], mounting: Mapping[str, Array], calibrations: Sequence[Calibration]
+) -> tuple[Trajectory, list[str]]:
+    """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
+    sensors = _sensors(blocks)
+    if not sensors or not len(moved):
+        return moved, []
+    fingers = [s.finger for s in sensors]
+    rows = [FINGERS.index(f) for f in fingers]
+    read = [_read(params, s.block, moved.t) for s in sensors]
+    force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
+    q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
+    found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2))
+    turn, covariance = np.zeros((*force.shape[:2], 3)), np.tile(np.eye(3) * (params.tip_sd * DEG) ** 2, (*force.shape[:2], 1, 1))
+    known = np.asarray(np.isfinite(q_GF).all(axis=2))
+    for grasp in found:
+        a, b = np.searchsorted(moved.t, [grasp.onset, grasp.end])
+        here = np.flatnonzero(known[a:b].all(axis=0))
+        if b - a > 3 and len(here) >= 2:
+            told = tip_orientation.corrected(params, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
+            for j, s in enumerate(here):
+                turn[a:b, s], covariance[a:b, s] = told.turn[:, j], told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
+            if np.nanmedian(told.unbalanced) > params.doubt:
+                flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
+    q = quat.multiply(quat.exp(turn), q_GF)
+    flags[~known] |= np.uint8(ForceFlag.UNORIENTED)
+    own, in_global = quat.rotate(q, acc), quat.rotate(q, force)
+    skew = quat.skew(in_global)
+    turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
+    total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)
+    shape = (len(moved), len(FINGERS))
+    forces, forces_sd, force_flags = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan), np.zeros(shape, np.uint8)
+    forces[:, rows], forces_sd[:, rows], force_flags[:, rows] = in_global, total, flags
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(own).all(axis=2, keepdims=True)
+        lifting = np.where(seen, own, 0.0).sum(axis=1) / seen.sum(axis=1)
+    return replace(moved, forces=forces, forces_sd=forces_sd, force_flags=force_flags, lifting=lifting), _said(
+        fingers, flags, moved.t, found
+    )
+
+
+@dataclass(frozen=True)
+class _Read:
+    force: Array  # (n, 3) N, without the zero
+    sd: Array  # (n,)
+    flags: NDArray[np.uint8]  # (n,)
+
+
+def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
+    """The fingers' force sensors, in the order of the hand; of two streams with one finger's the longer."""
+    found: dict[str, Sensor] = {}
+    for block in blocks:
+        if FORCE in block.stream.quantities:
+            for k, point in enumerate(block.stream.sensors):
+                finger = point.removesuffix("_tip_force")
+                own = replace(block, stream=replace(block.stream, sensors=(point,)), values=block.values[:, k : k + 1])
+                longer = finger not in found or len(found[finger].block.t) < len(block.t)
+                if finger in FINGERS and longer and np.isfinite(own.of(FORCE)).all(axis=(1, 2)).sum() >= LEAST:
+                    found[finger] = Sensor(finger, own)
+    return [found[f] for f in FINGERS if f in found]
+
+
+def _read(params: ForceParams, block: Block, at: Array) -> _Read:
+    """One sensor's force at the instants of the trajectory."""
+    raw = block.of(FORCE)
+    limited = block.at_limit(FORCE)[:, 0] | _stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
+    values = np.where(limited[:, None, None], np.nan, raw)
+    noise = interpolation.noise_of(block.t, values)
+    nothing = zero.found(params, block.t, values, noise)
+    told = interpolation.brought(block.t, values - nothing.level, noise, at)
+    near = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
+    flags = np.zeros(len(at), np.uint8)
+    flags[told.distance[:, 0] > params.bridged] |= np.uint8(ForceFlag.MISSING)
+    flags[_around(block.t, limited, at)] |= np.uint8(ForceFlag.SATURATED)
+    flags[nothing.jump[near, 0] > params.doubt] |= np.uint8(ForceFlag.DRIFT)
+    lost = told.distance[:, 0] > LOST
+    force = np.where(lost[:, None], np.nan, told.values[:, 0])
+    return _Read(force, np.hypot(told.sd[:, 0], _zero_sd(nothing, near)), flags)
+
+
+def _zero_sd(nothing: Zero, near: NDArray[np.int_]) -> Array:
+    """How sure the zero is: a jump between before and behind tells that it drifts more than was thought."""
+    return np.asarray(nothing.sd[near, 0] * np.maximum(1.0, nothing.jump[near, 0]))
+
+
+def _stuck(values: Array) -> NDArray[np.bool_]:
+    """Readings (n,) with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
+
+    Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
+    """
+    found = np.zeros(len(values), bool)
+    for axis in values.T:
+        known = axis[np.isfinite(axis)]
+        if len(known) < 8 or (np.diff(known) == 0).mean() > REPEATED:
+            continue
+        for end in (known.min(), known.max()):
+            if abs(end - np.median(known)) > FAR:
+                for a, b in runs(axis == end):
+                    found[a : b + 1] |= b - a + 1 >= STUCK
+    return found
+
+
+def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_]:
+    """Which instants lie between samples of which one is limited."""
+    if not limited.any() or len(t) < 2:
+        return np.zeros(len(at), bool)
+    k = np.clip(np.searchsorted(t, at, side="right"), 1, len(t) - 1)
+    return np.asarray(limited[k] | limited[k - 1])
+
+
+def _cuffs(
+    moved: Trajectory, blocks: Sequence[Block], mounting: Mapping[str, Array], calibrations: Sequence[Calibration], fingers: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    """Of every cuff its orientation (n, S, 4), specific force and angular rate (n, S, 3) in the force sensor's frame."""
+    n, S = len(moved), len(fingers)
+    q_GF, acc, gyr = np.empty((n, S, 4)), np.full((n, S, 3), np.nan), np.full((n, S, 3), np.nan)
+    for s, finger in enumerate(fingers):
+        segment = CHAINS[finger][-1]
+        nominal = mounting.get(segment, quat.IDENTITY)
+        q_IF = quat.multiply(quat.conjugate(nominal), mounting.get(f"{finger}_tip_force", quat.IDENTITY))
+        q_BI = _calibrated(moved.t, segment, nominal, calibrations)
+        q_GF[:, s] = quat.multiply(moved.q_GS[:, SEGMENT[segment]], quat.multiply(q_BI, q_IF))
+        for block in blocks:
+            if block.stream.inertial and segment in block.stream.sensors and len(block.t) > 1:
+                k = block.stream.sensors.index(segment)
+                for out, quantity in ((acc, ACC), (gyr, GYR)):
+                    out[:, s] = quat.rotate(quat.conjugate(q_IF), _at(block.t, block.of(quantity)[:, k], moved.t))
+    return q_GF, acc, gyr
+
+
+def _calibrated(t: Array, segment: str, nominal: Array, calibrations: Sequence[Calibration]) -> Array:
+    """How the inertial sensor sits on its segment (n, 4): as the calibration of the time found it."""
+    q_BI = np.tile(calibrations[0].q_BS.get(segment, nominal) if calibrations else nominal, (len(t), 1))
+    for c in calibrations[1:]:
+        q_BI[t >= c.t] = c.q_BS.get(segment, nominal)
+    return q_BI
+
+
+def _at(t: Array, values: Array, at: Array) -> Array:
+    """Vectors (n, 3) between their samples by straight lines; NaN outside and beside missing ones."""
+    return np.stack([np.interp(at, t, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
+
+
+def _said(fingers: Sequence[str], flags: NDArray[np.uint8], t: Array, found: list[Grasp]) -> list[str]:
+    """One sentence for each kind of doubt within the grasps."""
+    held = contact.inside(t, found)
+    sentences = []
+    for flag, words in FORCE_WORDS.items():
+        concerned = [f for s, f in enumerate(fingers) if held.any() and ((flags[held, s] & flag) != 0).any()]
+        if concerned:
+            sentences.append(f"{', '.join(concerned)}: {words}")
+    return sentences

@@ -1,0 +1,101 @@
+"""What is held: parameters of a linear model, by weighted least squares of all samples at once and by recursive least squares that forgets.
+
+In      y (n, m) and H (n, m, p) with y = H theta + e, standard deviation of e (n,)
+Out     theta (p,), its covariance: as large as what is left over says, with samples that err alike counted as one
+Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: the thesis' [64], Haykin
+        Models: mass f_i + f_t = M (g + a) (6.5); spring and damper (f_t - f_i) . e / 2 = K (p0 - p) - D v with e from i to t and p the tips' distance. (6.6) writes
+        the difference itself, of two springs in a row (Fig. 6.3); ours is half of it, so that K is that of the whole, as a spring is bought
+Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not seen here: whoever calls adds it
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimators.quaternions import Array
+
+VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual size
+
+
+@dataclass(frozen=True)
+class Fit:
+    theta: Array  # (p,)
+    covariance: Array  # (p, p)
+    residuals: Array  # (n, m)
+    independent: float  # of the n samples, as many count as independent
+
+    @property
+    def sd(self) -> Array:
+        return np.sqrt(np.diag(self.covariance))
+
+
+def fitted(y: Array, H: Array, sd: Array) -> Fit:
+    """All samples at once (6.8); needs more equations than parameters and H of full rank."""
+    n, m, p = H.shape
+    weight = 1 / sd[:, None, None]
+    A, b = (H * weight).reshape(n * m, p), (y[..., None] * weight).reshape(n * m)
+    N = A.T @ A
+    theta: Array = np.asarray(np.linalg.solve(N, A.T @ b), float)
+    left = y - H @ theta
+    scaled = left / sd[:, None]
+    variance = max(1.0, float((scaled**2).sum() / max(n * m - p, 1)))
+    alike = max(_alike(scaled[:, k]) for k in range(m))
+    return Fit(theta, np.asarray(np.linalg.inv(N) * variance * alike, float), left, n / alike)
+
+
+def _alike(r: Array) -> float:
+    """How many samples in a row err alike: the sum of the autocorrelation until it first vanishes."""
+    r = r - r.mean()
+    power = float(r @ r)
+    if len(r) < 8 or power <= 0:
+        return 1.0
+    size = 1 << (2 * len(r) - 1).bit_length()
+    spectrum = np.fft.rfft(r, size)
+    correlation = np.fft.irfft(spectrum * spectrum.conj(), size)[: len(r) // 2] / power
+    gone = np.flatnonzero(correlation <= 0)
+    return float(max(1.0, 1 + 2 * correlation[1 : gone[0] if len(gone) else None].sum()))
+
+
+@dataclass(frozen=True)
+class Recursive:
+    """Recursive least squares: everything that the next sample needs."""
+
+    theta: Array  # (p,)
+    P: Array  # (p, p) covariance where the samples' standard deviations are right
+    most: Array  # (p,) variances beyond which nothing more is forgotten
+    surprise: float = 1.0  # mean of the squared innovation in its standard deviation, over as long as is remembered
+    t: float = -np.inf
+
+    @property
+    def sd(self) -> Array:
+        """As large as the surprise says."""
+        return np.sqrt(np.diag(self.P) * max(1.0, self.surprise))
+
+
+def begun(size: Array) -> Recursive:
+    """Nothing known; `size` (p,) is how large the parameters may be."""
+    prior = VAGUE * np.asarray(size, float) ** 2
+    return Recursive(np.zeros(len(size)), np.diag(prior), prior)
+
+
+def step(state: Recursive, t: float, y: Array, H: Array, sd: float, memory: float = np.inf) -> Recursive:
+    """One sample y (m,), H (m, p): what is `memory` s old counts for 1/e."""
+    keep = float(np.exp(-(t - state.t) / memory)) if np.isfinite(state.t) else 1.0
+    P = state.P / keep if (np.diag(state.P) <= keep * state.most).all() else state.P  # what no sample tells is forgotten only so far
+    S = H @ P @ H.T + sd**2 * np.eye(len(y))
+    missed = y - H @ state.theta
+    gain = np.linalg.solve(S, H @ P).T
+    P = P - gain @ H @ P
+    P = 0.5 * (P + P.T)
+    share = 1 - keep if np.isfinite(memory) else 0.05
+    surprise = state.surprise + max(share, 0.02) * (float(missed @ np.linalg.solve(S, missed)) / len(y) - state.surprise)
+    return replace(state, theta=state.theta + gain @ missed, P=P, surprise=surprise, t=t)
+
+
+def run(state: Recursive, t: Array, y: Array, H: Array, sd: Array, memory: float = np.inf) -> tuple[Recursive, Array, Array]:
+    """Samples in a row: the state behind them, theta and its standard deviations (n, p) after each; cut anywhere, the same."""
+    track, spread = np.empty((len(t), len(state.theta))), np.empty((len(t), len(state.theta)))
+    for k in range(len(t)):
+        state = step(state, float(t[k]), y[k], H[k], float(sd[k]), memory)
+        track[k], spread[k] = state.theta, state.sd
+    return state, track, spread

@@ -1,0 +1,164 @@
+"""How fingertips that hold something are turned against each other, without magnetometers: gravity, balance of the forces, and moving together.
+
+In      of S tips with force and inertial sensor on one cuff: orientation q_GF (n, S, 4) as the method tells it, force (n, S, 3) N, specific force (n, S, 3)
+        and angular rate (n, S, 3) in the cuff's frame F; which instants belong to one grasp
+Out     the turn to be put before q_GF (n, S, 3) rad in the global frame, its covariance (n, 3S, 3S), by how much the forces do not balance
+Source  Kortier, thesis 6.2.2, (6.13), (6.14), gates after Skog et al. 2010. The error state is the turn of every tip, a random walk, filtered and smoothed.
+        Ours: (6.13) holds the part of the net force across the specific force, not only while the hand is still: f_i + f_t = M (g + a) lies along it
+Limits  a turn about the line between the tips that both share, and the heading of both, cannot be seen; errors that stay alike (biases, scales) count as white
+        noise of as much more variance
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import every
+
+DEG = np.pi / 180
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipParams:
+    tip_sd: float = option(
+        4.0,
+        "deg",
+        "turn of a tip as the method tells it, in each axis",
+        "docs/reproduction.md: 3.2 deg of the thumb's base, 1.8 of fingers",
+        least=0.1,
+    )
+    tip_walk: float = option(0.2, "deg/sqrt(s)", "how that error wanders", "ours: skin and sensor under load", least=1e-3)
+    acc_error: float = option(
+        0.1, "m/s^2", "error of an accelerometer axis that stays alike", "ours: bias of 0.05 and scale of 0.3 %", least=1e-3
+    )
+    alike: float = option(10.0, "s", "for which such errors stay alike", "ours: longer than a grasp", least=0.1)
+    still: float = option(0.5, "m/s^2", "deviation from gravity of a tip that tells the vertical", "ours", least=0.01)
+    still_rate: float = option(30.0, "deg/s", "angular rate of such a tip", "ours", least=0.1)
+    together: float = option(
+        0.5, "m/s^2", "difference of the sizes of specific force of tips that move together", "Kortier thesis (2.27); size ours", least=0.01
+    )
+    together_rate: float = option(
+        10.0, "deg/s", "and of their angular rates", "Kortier thesis (6.14), Skog et al. 2010; size ours", least=0.1
+    )
+    force_noise: float = option(0.1, "N", "error of a force, in each axis", "ours: noise and zero", least=1e-3)
+    force_scale: float = option(
+        0.025, "1", "share of a force by which it may be wrong", "BioMed Eng OnLine 11:90, Table 4: 0 to 4 % of full scale", least=0.0
+    )
+    update: float = option(0.05, "s", "time between two corrections", "ours", least=0.005, most=1.0)
+
+
+@dataclass(frozen=True)
+class Turned:
+    turn: Array  # (n, S, 3) rad
+    covariance: Array  # (n, 3S, 3S)
+    unbalanced: Array  # (n,) force across gravity left over, in standard deviations
+
+
+@dataclass(frozen=True)
+class Tips:
+    """What is known of S tips at n instants."""
+
+    t: Array  # (n,) s
+    q_GF: Array  # (n, S, 4)
+    force: Array  # (n, S, 3) N, NaN where not known
+    acc: Array  # (n, S, 3) m/s^2, NaN where there is no inertial sensor
+    gyr: Array  # (n, S, 3) rad/s
+
+
+def corrected(params: TipParams, tips: Tips) -> Turned:
+    """The turns of one grasp."""
+    n, S = tips.force.shape[:2]
+    rows = _rows(tips.t, params.update)
+    walk = (params.tip_walk * DEG) ** 2
+    x, P = np.zeros(3 * S), np.eye(3 * S) * (params.tip_sd * DEG) ** 2
+    states, covariances, ahead = [], [], []
+    before = tips.t[rows[0]]
+    for k in rows:
+        P = P + np.eye(3 * S) * walk * (tips.t[k] - before)
+        ahead.append(P)
+        for missed, H, R in _measurements(params, tips, k, x):
+            gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+            x = x + gain @ missed
+            P = P - gain @ H @ P
+            P = 0.5 * (P + P.T)
+        states.append(x)
+        covariances.append(P)
+        before = tips.t[k]
+    for j in range(len(rows) - 2, -1, -1):
+        G = np.linalg.solve(ahead[j + 1], covariances[j]).T
+        states[j] = states[j] + G @ (states[j + 1] - states[j])
+        covariances[j] = covariances[j] + G @ (covariances[j + 1] - ahead[j + 1]) @ G.T
+    turn = np.stack([np.interp(tips.t, tips.t[rows], s) for s in np.array(states).T], axis=1).reshape(n, S, 3)
+    nearest = np.searchsorted(rows, np.arange(n)).clip(0, len(rows) - 1)
+    covariance = np.array(covariances)[nearest]
+    return Turned(turn, covariance, _unbalanced(params, tips, turn, covariance))
+
+
+def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple[Array, Array, Array]]:
+    """What is missed, its Jacobian and noise, of everything that may be used at row k."""
+    S, used = tips.force.shape[1], []
+    R = quat.multiply(quat.exp(x.reshape(S, 3)), tips.q_GF[k])
+    acc, gyr, force = (quat.rotate(R, v[k]) for v in (tips.acc, tips.gyr, tips.force))
+    alike = params.alike / params.update
+    own = np.flatnonzero(every(np.isfinite(acc)) & every(np.isfinite(gyr)))
+    size, rate = np.linalg.norm(acc, axis=1), np.linalg.norm(gyr, axis=1)
+    for s in (int(one) for one in own):
+        if abs(size[s] - GRAVITY) < params.still and rate[s] < params.still_rate * DEG:
+            used.append((np.array([0.0, 0.0, size[s]]) - acc[s], _turning(S, {s: acc[s]}), np.eye(3) * params.acc_error**2 * alike))
+    if S > 1 and len(own) == S and np.ptp(size) < params.together and np.ptp(rate) < params.together_rate * DEG:
+        for s in range(1, S):
+            # the tips' lever arms make their specific forces differ as the hand turns: so much more noise
+            lever = 0.1 * max(rate[0], rate[s]) ** 2
+            used.append((acc[0] - acc[s], _turning(S, {s: acc[s], 0: -acc[0]}), np.eye(3) * ((2 * params.acc_error**2) * alike + lever**2)))
+            used.append(
+                (gyr[0] - gyr[s], _turning(S, {s: gyr[s], 0: -gyr[0]}), np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * alike)
+            )
+    if len(own) and np.isfinite(force).all():
+        up = acc[own].mean(axis=0)
+        across = _across(up)
+        noise = S * params.force_noise**2 + params.force_scale**2 * float((force**2).sum())
+        H = across @ _turning(S, {s: force[s] for s in range(S)})
+        used.append((-across @ force.sum(axis=0), H, np.eye(2) * noise * alike))
+    return used
+
+
+def _turning(S: int, vectors: dict[int, Array]) -> Array:
+    """How the sum of global vectors (3,) of some tips changes with their turns: (3, 3S); a turn d adds d x v."""
+    H = np.zeros((3, 3 * S))
+    for s, v in vectors.items():
+        H[:, 3 * s : 3 * s + 3] = -quat.skew(v)
+    return H
+
+
+def _across(up: Array) -> Array:
+    """Two unit vectors (2, 3) at right angles to `up`."""
+    e = up / np.linalg.norm(up)
+    first = np.cross(e, np.eye(3)[np.argmin(np.abs(e))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(e, first)])
+
+
+def _unbalanced(params: TipParams, tips: Tips, turn: Array, covariance: Array) -> Array:
+    """The net force across the specific force (n,), in standard deviations of what forces and turns may be wrong by."""
+    S = tips.force.shape[1]
+    q = quat.multiply(quat.exp(turn), tips.q_GF)
+    force, acc = quat.rotate(q, tips.force), quat.rotate(q, tips.acc)
+    with np.errstate(invalid="ignore"):
+        up = np.nanmean(acc, axis=1) if np.isfinite(acc).any() else np.tile([0.0, 0.0, 1.0], (len(tips.t), 1))
+        up = up / np.linalg.norm(up, axis=1, keepdims=True)
+    net = force.sum(axis=1)
+    net = net - (net * up).sum(axis=1, keepdims=True) * up
+    H = np.concatenate([-quat.skew(force[:, s]) for s in range(S)], axis=2)
+    turned = np.einsum("nij,njk,nik->n", H, covariance, H) / 3
+    variance = S * params.force_noise**2 + params.force_scale**2 * (force**2).sum(axis=(1, 2)) / 3 + turned
+    return np.asarray(np.linalg.norm(net, axis=1) / np.sqrt(variance))
+
+
+def _rows(t: Array, update: float) -> NDArray[np.int_]:
+    """The rows at which something is corrected: one in each stretch of `update` s."""
+    return np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, update)).clip(0, len(t) - 1))

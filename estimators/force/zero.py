@@ -1,0 +1,102 @@
+"""What a force sensor reads of nothing: learnt whenever the fingertip touches nothing, carried through the contact with what it may have drifted by.
+
+In      readings (n, S, 3) N of S sensors at times t (n,), NaN where missing
+Out     their zero (n, S, 3) with its standard deviation, and where each sensor is free (n, S)
+Source  Kortier, thesis 6.4: readings follow the supply. The zero is a random walk: Kalman filter and Rauch-Tung-Striebel smoother, here for one number an axis
+Limits  a force that is there from the first to the last sample, or that never changes by more than `least`, is taken for the zero
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+
+from estimators.force.contact import runs
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import every
+
+
+@dataclass(frozen=True, kw_only=True)
+class ZeroParams:
+    least: float = option(
+        0.25, "N", "a change of the reading of a free sensor below this is no contact", "ours: five times its noise", least=0.01
+    )
+    drift: float = option(
+        0.03, "N/sqrt(s)", "random walk of the zero", "ours: 0.2 N in a minute; Kortier thesis 6.4 names it without a size"
+    )
+    guard: float = option(
+        0.15, "s", "samples so near to a contact tell no zero", "ours: a force builds up for longer than one sample at 12 Hz"
+    )
+
+
+@dataclass(frozen=True)
+class Zero:
+    level: Array  # (n, S, 3) N
+    sd: Array  # (n, S) N, of each axis
+    free: NDArray[np.bool_]  # (n, S) nothing is touched
+    jump: Array  # (n, S) how far the zeros before and behind the contact differ, in standard deviations; 0 where free or not known
+
+
+def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
+    """The zero of every sensor; `noise` (S,) N is that of one reading."""
+    n, sensors = readings.shape[:2]
+    free = np.stack([_free(params, t, readings[:, s], float(noise[s])) for s in range(sensors)], axis=1)
+    level, variance, jump = np.empty_like(readings), np.empty((n, sensors)), np.zeros((n, sensors))
+    for s in range(sensors):
+        level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], max(float(noise[s]), 1e-3) ** 2, params.drift**2)
+        for a, b in runs(~free[:, s]):
+            if a > 0 and b < n - 1:
+                before, behind = (
+                    _smoothed(t[k], readings[k, s], free[k, s], max(float(noise[s]), 1e-3) ** 2, params.drift**2)
+                    for k in (slice(0, a), slice(b + 1, n))
+                )
+                off = np.linalg.norm(before[0][-1] - behind[0][0]) / np.sqrt(3.0)
+                jump[a : b + 1, s] = off / np.sqrt(before[1][-1] + behind[1][0] + params.drift**2 * (t[b] - t[a]))
+    return Zero(level, np.sqrt(variance), free, jump)
+
+
+def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bool_]:
+    """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with."""
+    known = every(np.isfinite(y))
+    free = np.zeros(len(t), bool)
+    if known.sum() < 3:
+        return free
+    gate = max(params.least, 4 * noise)
+    level = _resting(y[known], gate)
+    start = int(np.flatnonzero(known)[np.argmin(np.linalg.norm(y[known] - level, axis=1))])
+    for order in (range(start, len(t)), range(start - 1, -1, -1)):
+        here, since = level.copy(), t[start]
+        for k in order:
+            if known[k] and np.abs(y[k] - here).max() < gate + params.drift * np.sqrt(abs(t[k] - since)):
+                here, since, free[k] = here + 0.2 * (y[k] - here), t[k], True
+    period = float(np.median(np.diff(t)))
+    wide = 2 * max(1, round(params.guard / period)) + 1
+    return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
+
+
+def _resting(y: Array, gate: float) -> Array:
+    """The level (3,) at which a sensor is most often: what has most readings within the gate."""
+    thin = y[:: max(1, len(y) // 400)]
+    near = (np.abs(thin[:, None] - thin[None]).max(axis=-1) < gate).sum(axis=1)
+    return np.asarray(thin[np.argmax(near)])
+
+
+def _smoothed(t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
+    """Zero (n, 3) and variance (n,) of a random walk seen where it is used."""
+    n = len(t)
+    x, p, ahead = np.zeros((n, 3)), np.empty(n), np.zeros(n)  # ahead: variance foretold
+    level, variance, before = np.zeros(3), 1e4, t[0] if n else 0.0
+    for k in range(n):
+        variance += drift * (t[k] - before)
+        ahead[k], before = variance, t[k]
+        if used[k]:
+            gain = variance / (variance + noise)
+            level, variance = level + gain * (y[k] - level), (1 - gain) * variance
+        x[k], p[k] = level, variance
+    for k in range(n - 2, -1, -1):
+        gain = p[k] / ahead[k + 1]
+        x[k] += gain * (x[k + 1] - x[k])
+        p[k] += gain**2 * (p[k + 1] - ahead[k + 1])
+    return x, p

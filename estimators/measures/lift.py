@@ -1,0 +1,225 @@
+"""Lifting an object: grip and load, each finger's share, timing, how heavy it seems to be.
+
+In      a trajectory with fingertip forces, the stretch of time of the task
+Out     means over the lifts: grip force, load force, their ratio, shares, times of the phases, height, work, mass with its standard deviation
+Source  forces and mass: Kortier, thesis ch. 6, (6.5), (6.8), (1.15); phases: grasp at a threshold of force, the object rises (Lang & Schieber, PMC3305822, Fig. 1)
+Limits  a mass is told of an object that is lifted with the fingers measured alone; in the thesis it was wrong by 20 to 30 %
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.force import holding, identification
+from estimators.force.contact import ContactParams
+from estimators.force.holding import GRAVITY, UNSURE, Holding
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
+from estimators.measures.held import within
+from estimators.measures.shown import Curve, Shown
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Lift"
+KORTIER = "Kortier, thesis ch. 6"
+PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
+HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+NONE = "no force was measured; the glove has no force sensors on the fingertips"
+KINDS = kinds(
+    Kind("lift_count", "1", "times that something was lifted", "ours"),
+    Kind("lift_mass", "kg", "estimated mass of what was lifted, from the sum of the fingertips' forces against gravity and acceleration", f"{KORTIER}, (6.5)"),
+    Kind("lift_grip_hold", "N", "mean grip force while the object was held up: half of the difference of the thumb's and the fingers' forces", KORTIER),
+    Kind("lift_grip_max", "N", "mean of the largest grip force", KORTIER),
+    Kind("lift_load_hold", "N", "mean load force while the object was held up: the sum of the forces against gravity", KORTIER),
+    Kind("lift_grip_over_load", "1", "grip force divided by load force while the object was held up", "Hiramatsu et al. 2015, PLoS ONE"),
+    Kind("force_share", "1", "share of the finger in the sum of the sizes of the forces while the object was held up", KORTIER),
+    Kind("lift_time_to_lift", "s", "mean time from the first touch until the object left the table", PHASES),
+    Kind("lift_time_held", "s", "mean time off the table", PHASES),
+    Kind("lift_time_to_release", "s", "mean time from the table until it was let go", PHASES),
+    Kind("lift_grip_rate", "N/s", "mean of the fastest rise of the grip force", "ours: of the interpolated force"),
+    Kind("lift_height", "m", "mean of how high the object was lifted", "ours: the specific force integrated twice between two rests"),
+    Kind("lift_work", "J", "mean work that the fingertips did on the object on its way up", f"{KORTIER}; power as in (1.15)"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(ContactParams):
+    lifted: float = option(
+        0.03, "m", "height from which an object counts as lifted", "ours: the height's own error; 3 mm in PMC3305822", least=0.005
+    )
+    moving: float = option(
+        0.04, "m/s", "vertical speed at which it leaves the table, and is back", "ours: what the accelerometers leave in 5 s", least=0.005
+    )
+    margin: float = option(
+        0.15, "s", "at both ends of the time off the table that tell no mass", "ours: two force samples at 12 Hz", least=0.0
+    )
+    shortest: float = option(0.3, "s", "a shorter touch is none", "ours: four samples at 12 Hz", least=0.0)
+    constant: float = option(
+        4.0,
+        "1",
+        "standard deviations of a support that does not change with the acceleration, beyond which the mass is not told",
+        "ours",
+        least=1.0,
+    )
+    slip: float = option(0.25, "1", "share of the load by which it leaves the mean within the hold, beyond which the object slipped", "ours", least=0.05)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """One lift."""
+
+    held: Holding
+    off: NDArray[np.bool_]  # (n,) instants at which the object is off the table
+    mass: float  # kg; NaN where it cannot be told
+    mass_sd: float
+    slips: Array  # s
+    reason: str
+
+
+@dataclass(frozen=True)
+class Lift:
+    measured: bool
+    lifts: tuple[Lifted, ...]
+    grasps: int
+    grade: Grade
+    reason: str
+
+
+def applies(task_name: str) -> bool:
+    return bool({"lift", "lifting"} & words_of(task_name))
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Lift:
+    """Every lift of the stretch."""
+    part = within(trajectory, onset, end)
+    if not holding.measured(part):
+        return Lift(False, (), 0, "poor", NONE)
+    found = holding.holdings(params, part)
+    lifts = [made for h in found if (made := _lifted(params, h)) is not None]
+    if not lifts:
+        return Lift(True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held")
+    told = [("good" if not one.reason else "fair" if np.isfinite(one.mass) else "poor", one.reason) for one in lifts]
+    return Lift(True, tuple(lifts), len(found), *worse(*told))  # type: ignore[arg-type]
+
+
+def _lifted(params: Params, h: Holding) -> Lifted | None:
+    """What one grasp tells; None where nothing leaves the table."""
+    if len(h.t) < 8 or not np.isfinite(h.height).all() or h.height.max() < params.lifted:
+        return None
+    moving = np.flatnonzero(np.abs(h.speed) > params.moving)
+    first, last = (h.t[moving[0]], h.t[moving[-1]]) if len(moving) else (np.inf, -np.inf)
+    off, sure = (h.t >= first) & (h.t <= last), (h.t >= first + params.margin) & (h.t <= last - params.margin)
+    if sure.sum() < 8 or not np.isfinite(h.forces[sure]).all():
+        return Lifted(h, off, np.nan, np.nan, np.empty(0), h.flagged(off) or "the force was not known while the object was held up")
+    mass, sd, supported = mass_of(h, sure)
+    slips = _slips(params, h, sure, mass)
+    reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
+    doubtful = bool(h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE))
+    if supported > params.constant:
+        reasons.append("part of the load does not change with the acceleration: something not measured carries the object")
+        doubtful = True
+    return Lifted(h, off, np.nan if doubtful else mass, sd, slips, "; ".join(r for r in reasons if r))
+
+
+def mass_of(h: Holding, used: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Mass (kg), its standard deviation, and by how many of its own a constant support differs from zero. (6.5), (6.8)"""
+    net, s = h.net[used], h.lifting[used]
+    noise = np.full(int(used.sum()), 0.1)
+    fit = identification.fitted(net, s[..., None], noise)
+    alike = np.sqrt((h.sd[used] ** 2).mean(axis=0)[:, 2].sum()) / GRAVITY  # inclination, zero and scale: the same in all samples
+    up = h.up[used]
+    across = net - (net * up).sum(axis=1, keepdims=True) * up
+    unexplained = max(
+        0.0, float((across.mean(axis=0) ** 2).sum()) - float((h.sd[used] ** 2).mean(axis=0)[:, :2].sum())
+    )  # N^2: it may be missing along, too
+    both = identification.fitted(
+        (net * up).sum(axis=1)[:, None], np.stack([(s * up).sum(axis=1), np.ones(len(s))], axis=-1)[:, None], noise
+    )
+    supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(len(h.fingers)) * 0.15))
+    sd = np.sqrt(fit.sd[0] ** 2 + alike**2 + unexplained / GRAVITY**2)
+    return float(fit.theta[0]), float(sd), float(supported)
+
+
+def _slips(params: Params, h: Holding, used: NDArray[np.bool_], mass: float) -> Array:
+    """When (s) the load leaves what the mass explains for a short while."""
+    weight = mass * np.linalg.norm(h.lifting[used], axis=1)
+    off = np.abs(h.load[used] - weight) > max(params.slip * float(np.median(weight)), 0.3)
+    starts = np.flatnonzero(np.diff(np.concatenate([[False], off]).astype(int)) == 1)
+    return np.asarray(h.t[used][starts])
+
+
+def figures(r: Lift) -> list[Figure]:
+    """Means over the lifts with the standard error of their scatter and the instrument's."""
+    if not r.measured:
+        return [kind.of(np.nan, None, "poor", r.reason) for what, kind in KINDS.items() if what != "force_share"]
+    told = (r.grade, r.reason)
+    made = [KINDS["lift_count"].of(float(len(r.lifts)), 0.0, *told)]
+    each = [_values(one) for one in r.lifts]
+    for what, kind in KINDS.items():
+        if what not in ("lift_count", "force_share"):
+            made.append(_mean(kind, [e[what] for e in each], told))
+    for k, finger in enumerate(r.lifts[0].held.fingers if r.lifts else ()):
+        shares = [(float(one.held.shares[one.off, k].mean()), 0.03) for one in r.lifts]
+        made.append(_mean(KINDS["force_share"], shares, told, finger))
+    return made
+
+
+def _mean(kind: Kind, each: list[tuple[float, float]], told: tuple[Grade, str], part: str = "") -> Figure:
+    known = np.array([e for e in each if np.isfinite(e[0])]).reshape(-1, 2)
+    if not len(known):
+        return kind.of(np.nan, None, *told, part)
+    scatter = float(known[:, 0].std(ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
+    return kind.of(float(known[:, 0].mean()), float(np.hypot(scatter, known[:, 1].mean())), *told, part)
+
+
+def _values(one: Lifted) -> dict[str, tuple[float, float]]:
+    """The figures of one lift, each with the standard deviation that the instrument leaves."""
+    h, off = one.held, one.off
+    sd = np.sqrt((h.sd[off] ** 2).mean(axis=0))  # (S, 3)
+    grip_sd, load_sd = 0.5 * float(np.sqrt((sd**2).sum() / 3)), float(np.sqrt((sd[:, 2] ** 2).sum()))
+    grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
+    first, last = t[off][0], t[off][-1]
+    rise = np.gradient(h.grip, t)
+    up = off & (h.speed > 0)
+    step = float(np.median(np.diff(t)))
+    work = float((h.load * h.speed)[up].sum() * step)
+    height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
+    return {
+        "lift_mass": (one.mass, one.mass_sd),
+        "lift_grip_hold": (grip, grip_sd),
+        "lift_grip_max": (float(h.grip.max()), grip_sd),
+        "lift_load_hold": (load, load_sd),
+        "lift_grip_over_load": (grip / load, grip / load * float(np.hypot(grip_sd / grip, load_sd / load))),
+        "lift_time_to_lift": (float(first - t[0]), 0.1),
+        "lift_time_held": (float(last - first), 0.1),
+        "lift_time_to_release": (float(t[-1] - last), 0.1),
+        "lift_grip_rate": (float(rise.max()), 0.1 * float(rise.max())),
+        "lift_height": (height, height_sd),
+        "lift_work": (work, abs(work) * float(np.hypot(load_sd / load, height_sd / height))),
+    }
+
+
+def shown(r: Lift) -> Shown:
+    """Grip and load of the lifts, with when the object left the table, was back, and slipped."""
+    if not r.lifts:
+        return Shown()
+    t, grip, load = (
+        np.concatenate([np.append(v, np.nan) for v in vs]) for vs in zip(*((o.held.t, o.held.grip, o.held.load) for o in r.lifts))
+    )
+    t = np.where(np.isfinite(t), t, np.concatenate([[0.0], t[:-1]]))
+    marks = {
+        "lift_off": np.array([o.held.t[o.off][0] for o in r.lifts]),
+        "put_down": np.array([o.held.t[o.off][-1] for o in r.lifts]),
+        "slip": np.concatenate([o.slips for o in r.lifts]),
+    }
+    return Shown((Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)), marks)
