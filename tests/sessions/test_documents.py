@@ -8,7 +8,7 @@ import pytest
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
 from estimators.hand_geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
 from estimators.samples import TRACKED_POINTS
-from estimators.trajectory import Flag
+from estimators.trajectory import Flag, ForceFlag
 from sessions.motion_bids import files
 from sessions.motion_bids.reader import UNITS
 from sessions.recorder import CHANNELS, FORMAT_VERSION
@@ -63,9 +63,9 @@ def test_every_unit_stands_beside_its_type() -> None:
 def test_limits_of_a_zip_and_flags_are_told() -> None:
     assert f"{files.MOST_FILES:,}".replace(",", " ") + f" files or {files.MOST_BYTES // 2**30} GB" in BIDS
     assert f"{files.MOST_RATIO} times its size" in BIDS
-    assert [int(n) for n in re.findall(r"(\d+) (?:sample|heading|sensor at|not cal|magnetic|faulty)", BIDS)] == [
-        flag.value for flag in Flag
-    ]
+    for column, flags in (("<segment>_flags", Flag), ("<finger>_tip_force_flags", ForceFlag)):
+        (row,) = (line for line in BIDS.splitlines() if line.startswith(f"| `{column}`"))
+        assert [int(n) for n in re.findall(r"(\d+) [a-z]+ ", row)] == [flag.value for flag in flags]
 
 
 @pytest.mark.parametrize("joint", JOINTS, ids=lambda joint: joint.name)

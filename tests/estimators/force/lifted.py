@@ -1,0 +1,37 @@
+"""Somebody with a hand of their own lifts or squeezes something, simulated and followed by m2."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from estimators.methods import m2
+from estimators.processing import Processed, process
+from estimators.simulation import functional, held_object, kinematics, person, tasks
+from estimators.simulation.force_sensors import ForceErrors
+from estimators.simulation.scenario import ForceGlove, Simulated, performed
+from estimators.simulation.sensors import PRESETS
+from estimators.simulation.tasks import Performance
+
+POSE = 2.5  # deg by which every freedom of the initial pose may be missed
+
+
+def done(
+    seed: int, perform: Callable[..., Performance] = held_object.lift, rate: float = 12.0, errors: ForceErrors | None = None, **how: Any
+) -> tuple[Simulated, np.ndarray]:
+    """The recording, and the true forces (n, 5, 3) N in the global frame at the instants of its truth."""
+    of_person, of_pose, of_motion, of_sensors = np.random.default_rng(seed).spawn(4)
+    somebody = person.drawn("left", of_person)
+    pose = tasks.initial_pose(somebody.true, taken=functional.missed(tasks.flat(), POSE, of_pose))
+    task = perform(somebody.true, of_motion, **how)
+    glove = ForceGlove(rate=rate, errors=errors or ForceErrors())
+    preset = PRESETS["LSM330DLC/HMC5983"]
+    made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)
+    t = made.truth.t - pose.motion.duration
+    assert task.forces is not None
+    forces = task.forces(kinematics.of_motion(task.motion, somebody.true, np.maximum(t, 0.0)))
+    return made, np.where((t >= 0)[:, None, None], forces, 0.0)
+
+
+def followed(made: Simulated) -> Processed:
+    return process(m2, m2.Params(), made)

@@ -1,0 +1,116 @@
+"""A lift from the readings to the mass: near the truth, as sure as it says, and never sure of what went wrong."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators.measures import lift
+from estimators.measures.lift import Lift
+from estimators.quaternions import Array
+from estimators.samples import Block
+from estimators.simulation.force_sensors import ForceErrors
+from estimators.simulation.held_object import Mishap
+from estimators.simulation.scenario import Simulated
+from tests.estimators.force.lifted import done, followed
+
+Change = Callable[[Array, Array], Array]
+
+
+def measured(made: Simulated) -> Lift:
+    event = next(e for e in made.events if e.trial_type == "task")
+    return lift.measure(lift.Params(), followed(made).trajectory, event.onset, event.end)
+
+
+def changed(made: Simulated, change: Change, told: bool = True) -> Simulated:
+    """The readings (n, 2, 3) of the force sensors, thumb first, made wrong; times are those since the task's beginning."""
+    block: Block = made.samples["force"]
+    onset = next(e.onset for e in made.events if e.trial_type == "task")
+    stream = block.stream if told else replace(block.stream, full_scale={})
+    spoilt = Block(stream, block.t, change(block.t - onset, block.values.copy()))
+    return replace(made, samples={**made.samples, "force": spoilt})
+
+
+def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
+    off, surprise, of_forces = [], [], []
+    for seed in range(8):
+        made, true = done(seed, mass=0.28 if seed % 2 else 0.44)
+        moved = followed(made).trajectory
+        event = next(e for e in made.events if e.trial_type == "task")
+        (one,) = lift.measure(lift.Params(), moved, event.onset, event.end).lifts
+        mass = 0.28 if seed % 2 else 0.44
+        off.append(abs(one.mass / mass - 1))
+        surprise.append(((one.mass - mass) / one.mass_sd) ** 2)
+        assert moved.forces is not None and moved.forces_sd is not None
+        of_forces.append(np.nanmean(((moved.forces - true) / moved.forces_sd)[:, :2] ** 2))
+        assert one.held.height.max() == pytest.approx(0.5, abs=0.08)  # the arm sways by up to 6 cm
+    assert np.mean(off) < 0.06
+    assert 0.2 < np.mean(surprise) < 2.0
+    assert 0.2 < np.mean(of_forces) < 1.5
+
+
+def test_figures_tell_the_phases_and_shares() -> None:
+    made, true = done(3, mass=0.44)
+    f = {figure.name: figure for figure in lift.figures(measured(made))}
+    assert f["lift_count"].value == 1
+    assert f["lift_load_hold"].value == pytest.approx(0.44 * 9.81, rel=0.08)
+    assert f["lift_grip_hold"].value == pytest.approx(
+        np.linalg.norm(true[len(true) // 2 + 200, 0] - true[len(true) // 2 + 200, 1]) / 2, rel=0.25
+    )
+    assert f["lift_time_to_lift"].value == pytest.approx(0.8, abs=0.15)
+    assert f["lift_time_held"].value == pytest.approx(5.0, abs=0.25)
+    assert f["thumb_force_share"].value + f["index_force_share"].value == pytest.approx(1.0)
+    assert f["lift_work"].value == pytest.approx(0.44 * 9.81 * f["lift_height"].value, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("third finger", "forces do not balance"),
+        ("limit told", "force sensor at its limit"),
+        ("limit not told", "force sensor at its limit"),
+        ("step", "forces do not balance"),
+        ("lost", "force samples missing"),
+        ("dead", "forces do not balance"),
+        ("exchanged", "forces do not balance"),
+    ],
+)
+def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None:
+    limit = ForceErrors(limit=3.0) if what.startswith("limit") else None
+    made, _ = done(0, mass=0.44, errors=limit, mishap=Mishap(third=0.33 if what == "third finger" else 0.0))
+    changes: dict[str, Change] = {
+        "step": lambda t, v: np.where((t > 4)[:, None, None] & (np.arange(2) == 0)[:, None], v + 0.8, v),
+        "lost": lambda t, v: np.where(((t > 3.5) & (t < 5))[:, None, None], np.nan, v),
+        "dead": lambda t, v: np.where((np.arange(2) == 1)[:, None], v[:1], v),
+        "exchanged": lambda t, v: v[:, ::-1],
+    }
+    found = measured(changed(made, changes.get(what, lambda t, v: v), told=what != "limit not told"))
+    assert found.grade == "poor"
+    assert said in found.reason
+    assert [one for one in found.lifts if np.isfinite(one.mass)] == []
+
+
+def test_a_slip_is_told_and_the_mass_stays() -> None:
+    made, _ = done(1, mass=0.44, mishap=Mishap(slips=(3.0,)))
+    found = measured(made)
+    assert (found.grade, found.reason) == ("fair", "the object slipped")
+    (one,) = found.lifts
+    assert one.slips[0] == pytest.approx(made.events[-1].onset + 0.8 + 3.0, abs=0.2)
+    assert one.mass == pytest.approx(0.44, abs=2.5 * one.mass_sd)
+
+
+def test_lost_samples_here_and_there_cost_little() -> None:
+    made, _ = done(2)
+    lost = np.random.default_rng(0).random(len(made.samples["force"].t)) < 0.3
+    (one,) = measured(changed(made, lambda t, v: np.where(lost[:, None, None], np.nan, v))).lifts
+    assert one.mass == pytest.approx(0.28, rel=0.08)
+
+
+def test_without_force_sensors_everything_is_as_it_was() -> None:
+    made, _ = done(0)
+    bare = replace(made, samples={"imu": made.samples["imu"]})
+    moved = followed(bare).trajectory
+    assert moved.forces is None
+    np.testing.assert_array_equal(moved.angles, followed(made).trajectory.angles)
+    assert {f.reason for f in lift.figures(measured(bare))} == {lift.NONE}

@@ -1,0 +1,141 @@
+"""The pieces of a force's way: its zero, the way to a higher rate, the turn of the tips, what is held."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from estimators import quaternions as quat
+from estimators.force import contact, identification, interpolation, tip_orientation, zero
+from estimators.force.tip_orientation import TipParams, Tips
+from estimators.quaternions import Array
+
+DEG = np.pi / 180
+
+
+def pushes(t: Array) -> Array:
+    """Nothing, then 2 N for three seconds, then nothing (n, 1, 3)."""
+    size = np.clip(np.minimum(t - 4.0, 7.0 - t) / 0.3, 0.0, 1.0)
+    return size[:, None, None] * np.array([0.4, -0.2, 2.0])
+
+
+def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
+    t, surprise = np.arange(0.0, 12.0, 1 / 12), []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        drift = 0.2 * rng.normal(size=3) + np.cumsum(0.03 / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0)
+        found = zero.found(zero.ZeroParams(), t, pushes(t) + drift + 0.05 * rng.normal(size=drift.shape), np.array([0.05]))
+        assert not found.free[(t > 4.2) & (t < 6.8)].any()
+        assert found.free[t < 3.5].mean() > 0.9
+        surprise.append((((found.level - drift) / found.sd[..., None]) ** 2).mean())
+    assert 0.6 < np.mean(surprise) < 1.6
+
+
+def test_a_zero_that_jumps_within_a_contact_is_told() -> None:
+    t, rng = np.arange(0.0, 12.0, 1 / 12), np.random.default_rng(0)
+    read = pushes(t) + np.where(t > 5.5, 0.6, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3))
+    found = zero.found(zero.ZeroParams(least=0.8), t, read, np.array([0.05]))
+    assert found.jump[(t > 4.5) & (t < 6.5)].min() > 4
+
+
+def test_without_noise_it_passes_through_the_samples_as_a_cubic_does() -> None:
+    t, at = np.arange(0.0, 5.0, 1 / 12), np.arange(1.0, 4.0, 0.01)
+    y = np.stack([np.sin(2 * t), np.cos(3 * t), t * 0], axis=-1)[:, None]
+    found = interpolation.brought(t, y, np.array([1e-4]), at)
+    np.testing.assert_allclose(found.values[:, 0], CubicSpline(t, y[:, 0])(at), atol=2e-3)
+
+
+def test_between_slow_samples_it_is_as_sure_as_it_says() -> None:
+    fine, surprise = np.arange(0.0, 20.0, 0.01), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rate = np.cumsum(3.0 * np.sqrt(0.01) * rng.normal(size=(len(fine), 1, 3)), axis=0)  # a rate that wanders at random
+        signal = np.cumsum(0.01 * rate, axis=0)
+        k = np.arange(0, len(fine), 8)
+        keep = rng.random(len(k)) > 0.1
+        read = np.where(keep[:, None, None], signal[k] + 0.05 * rng.normal(size=(len(k), 1, 3)), np.nan)
+        found = interpolation.brought(fine[k], read, np.array([0.05]), fine[8:-8])
+        surprise.append((((found.values - signal[8:-8]) / found.sd[..., None]) ** 2).mean())
+    assert 0.7 < np.mean(surprise) < 1.4
+
+
+def test_noise_is_read_from_the_samples_while_forces_come_and_go() -> None:
+    t, rng = np.arange(0.0, 30.0, 1 / 12), np.random.default_rng(1)
+    y = 3 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + np.array([0.03, 0.1])[:, None] * rng.normal(size=(len(t), 2, 3))
+    np.testing.assert_allclose(interpolation.noise_of(t, y), [0.03, 0.1], rtol=0.25)
+
+
+def test_a_grasp_is_from_touch_to_release_and_a_flicker_none() -> None:
+    t = np.arange(0.0, 12.0, 0.01)
+    size = np.linalg.norm(pushes(t), axis=2) + np.where((t > 9) & (t < 9.1), 2.0, 0.0)[:, None]
+    (found,) = contact.grasps(contact.ContactParams(), t, size)
+    assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
+
+
+def held(heading: float, n: int = 200) -> tuple[Tips, Array]:
+    """Two tips that hold 0.3 kg between them; the second's heading is told wrong by `heading` rad. Also the true forces."""
+    rng, t = np.random.default_rng(4), 0.02 * np.arange(n)
+    forces = np.tile(np.array([[3.0, 1.0, 1.4], [-3.0, -1.0, 1.5]]), (n, 1, 1))
+    true = np.tile(quat.normalize(rng.normal(size=(2, 4))), (n, 1, 1))
+    told = true.copy()
+    told[:, 1] = quat.multiply(quat.about(2, -heading), true[:, 1])
+    inward = quat.conjugate(true)
+    acc = quat.rotate(inward, np.array([0.0, 0.0, 9.80665])) + 0.02 * rng.normal(size=(n, 2, 3))
+    read = quat.rotate(inward, forces) + 0.03 * rng.normal(size=(n, 2, 3))
+    return Tips(t, told, read, acc, 0.01 * rng.normal(size=(n, 2, 3))), forces
+
+
+@pytest.mark.parametrize("heading_deg", [-20.0, 6.0, 20.0])
+def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(heading_deg: float) -> None:
+    tips, forces = held(heading_deg * DEG)
+    found = tip_orientation.corrected(TipParams(tip_sd=15.0), tips)
+    net = quat.rotate(quat.multiply(quat.exp(found.turn), tips.q_GF), tips.force).sum(axis=1)[100:].mean(axis=0)
+    np.testing.assert_allclose(net, forces[0].sum(axis=0), atol=0.1)
+    between = found.turn[100:, 1, 2].mean() - found.turn[100:, 0, 2].mean()
+    assert between == pytest.approx(heading_deg * DEG, abs=2 * DEG)
+    assert np.median(found.unbalanced) < 1.0
+
+
+def test_a_force_that_nobody_measures_does_not_balance() -> None:
+    tips, _ = held(0.0)
+    pushed = Tips(tips.t, tips.q_GF, tips.force * np.array([[0.7], [1.0]]), tips.acc, tips.gyr)
+    assert np.median(tip_orientation.corrected(TipParams(), pushed).unbalanced) > 4.0
+
+
+def oscillation(rng: np.random.Generator, n: int = 400) -> tuple[Array, Array, Array]:
+    t = 0.02 * np.arange(n)
+    H = np.stack([np.sin(3 * t), np.cos(3 * t)], axis=-1)[:, None]
+    return t, H @ np.array([2.0, -0.5]) + 0.1 * rng.normal(size=(n, 1)), H
+
+
+def test_recursive_least_squares_without_forgetting_ends_where_the_batch_does() -> None:
+    t, y, H = oscillation(np.random.default_rng(0))
+    sd = np.full(len(t), 0.1)
+    state, track, spread = identification.run(identification.begun(np.ones(2)), t, y, H, sd)
+    fit = identification.fitted(y, H, sd)
+    np.testing.assert_allclose(state.theta, fit.theta, atol=1e-6)
+    np.testing.assert_allclose(track[-1], fit.theta, atol=1e-6)
+    np.testing.assert_allclose(np.diag(state.P), np.diag(np.linalg.inv(np.einsum("nmi,nmj->ij", H, H) / 0.01)), rtol=1e-4)
+    first, _, _ = identification.run(identification.begun(np.ones(2)), t[:150], y[:150], H[:150], sd[:150])
+    again, _, _ = identification.run(first, t[150:], y[150:], H[150:], sd[150:])
+    np.testing.assert_array_equal(again.theta, state.theta)
+    assert spread[-1].max() < spread[10].min()
+
+
+def test_recursive_least_squares_that_forgets_follows_a_change() -> None:
+    t = 0.02 * np.arange(1000)
+    y = np.where(t < 10, 0.3, 0.5)[:, None] * 9.81
+    H = np.full((1000, 1, 1), 9.81)
+    _, track, _ = identification.run(identification.begun(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0)
+    assert track[499, 0] == pytest.approx(0.3, abs=1e-4)
+    assert track[-1, 0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_parameters_are_as_sure_as_they_say_where_samples_err_alike() -> None:
+    surprise = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        t, y, H = oscillation(rng)
+        alike = np.convolve(rng.normal(size=len(t) + 30), np.ones(12) / np.sqrt(12), "same")[15:-15]
+        fit = identification.fitted(y + 0.3 * alike[:, None], H, np.full(len(t), 0.1))
+        surprise.append(((fit.theta - [2.0, -0.5]) ** 2 / fit.sd**2).mean())
+    assert 0.4 < np.mean(surprise) < 1.8
