@@ -11,28 +11,41 @@ import numpy as np
 
 from estimators.compiled import inlined
 from estimators.quaternions import Array
-from estimators.small_matrices import product
 
 
 @inlined
 def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> None:
-    """With S = H P H' + noise = L L', W = L^-1 H P and y = L^-1 missed the gain K gives K missed = W' y and K H P = W' W."""
+    """With S = H P H' + noise = L L', W = L^-1 H P and y = L^-1 missed the gain K gives K missed = W' y and K H P = W' W.
+
+    Measurements that are not used have rows of zeros; of the others only what is not zero is gone through, and of P one half.
+    """
     m, e = H.shape
-    W, L, y = np.empty((m, e)), np.empty((m, m)), np.empty(m)
-    product(H, P, W)
-    for i in range(m):
+    W, L, y = np.zeros((m, e)), np.empty((m, m)), np.empty(m)
+    used, columns, filled, n = np.empty(m, np.intp), np.empty((m, e), np.intp), np.zeros(m, np.intp), 0
+    for row in range(m):
+        for k in range(e):
+            if H[row, k] != 0.0:
+                columns[n, filled[n]] = k
+                filled[n] += 1
+                for c in range(e):
+                    W[n, c] += H[row, k] * P[k, c]
+        if filled[n] > 0:
+            used[n] = row
+            n += 1
+            if n == m:
+                break
+    for k in range(e):
+        change[k] = 0.0
+    for i in range(n):
         for j in range(i + 1):
-            s = noise[i, j]
-            for k in range(e):
-                if H[j, k] != 0.0:
-                    s += W[i, k] * H[j, k]
+            s = noise[used[i], used[j]]
+            for k in columns[j, : filled[j]]:
+                s += W[i, k] * H[used[j], k]
             for k in range(j):
                 s -= L[i, k] * L[j, k]
             L[i, j] = math.sqrt(s) if i == j else s / L[j, j]
-    for k in range(e):
-        change[k] = 0.0
-    for i in range(m):
-        y[i] = missed[i]
+    for i in range(n):
+        y[i] = missed[used[i]]
         for j in range(i):
             if L[i, j] != 0.0:
                 y[i] -= L[i, j] * y[j]
@@ -43,6 +56,9 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> N
             W[i, k] /= L[i, i]
             change[k] += W[i, k] * y[i]
         for k in range(e):
-            if W[i, k] != 0.0:  # measurements that are not used have rows of zeros
-                for c in range(e):
+            if W[i, k] != 0.0:
+                for c in range(k + 1):
                     P[k, c] -= W[i, k] * W[i, c]
+    for k in range(e):
+        for c in range(k):
+            P[c, k] = P[k, c]
