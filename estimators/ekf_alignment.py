@@ -33,6 +33,7 @@ from estimators.trajectory import Flag
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
 SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
+_SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
 _JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])  # (6, 3) which of them are joints: the wrist's chain has one
 
 
@@ -88,7 +89,7 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     `fused`: the vertical is that of the orientations, else the accelerometers'."""
     q_first, doubt_first = (q_GB[0], rows.doubt[0]) if state.q_GB is None or state.doubt is None else (state.q_GB, state.doubt)
     before = np.concatenate([q_first[None], q_GB[:-1]]), np.concatenate([doubt_first[None], rows.doubt[:-1]])
-    dt = np.diff(rows.t, prepend=state.t if np.isfinite(state.t) else rows.t[0])
+    dt = np.diff(np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t]))
     rate = np.full((len(rows.t), len(SEGMENTS), 3), np.nan)
     acc = rate.copy()
     for waiting in state.waiting.values():
@@ -96,7 +97,7 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     strange, appears = _appearing(state.strange, q_GB)
     numbers = float(fused), LOST_DOUBT / max(max_gap, 0.01)
     turn, bias_time, force, grown, known, q_first = _of_chains(
-        SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, appears, rate, acc
+        _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, appears, rate, acc
     )
     t = float(rows.t[-1])
     kept = {name: _pruned(w, t) for name, w in state.waiting.items()}

@@ -17,28 +17,19 @@ from estimators.forward_kinematics import CHAIN_JOINTS
 from estimators.hand_anatomy import JOINT
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.small_matrices import block, variance_of
+from estimators.small_matrices import variance_of
 
-WRIST = JOINT["wrist"]
-
-
-def of_angles(angles: Array, P: Array) -> Array:
-    """Standard deviations of all joints' angles; finite for those that are no freedom, too."""
-    found = np.empty(angles.shape)
-    for j in range(3):
-        own = P[:, :5, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
-        found[:, CHAIN_JOINTS[:, j]] = _angles_sd(angles[:, CHAIN_JOINTS[:, j]], own)
-    found[:, WRIST] = _angles_sd(angles[:, WRIST], P[:, 5, :3, :3])
-    return found
+_JOINTS: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6, 3) as the kernel takes them
 
 
-def of_tips(q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float) -> Array:
-    """Standard deviations of the tips: of the fingers' rotations, of the wrist's where it is measured, and of lengths, which err by the share `length_sd`."""
-    measured = np.isfinite(q_pc[:, WRIST, :1])
-    q_WH = np.where(measured, q_pc[:, WRIST], quat.IDENTITY)  # an unknown wrist counts as neutral, as in forward kinematics
-    P_wrist = np.where(measured[..., None], P[:, 5, :3, :3], 0.0)
-    lengths = geometry.roots(), geometry.chain_offsets(), length_sd
-    return _tips_sd(q_WH[:, None], P_wrist[:, None], q_pc[:, CHAIN_JOINTS], P[:, :5], *lengths)
+def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float, rest_sd: float) -> tuple[Array, Array, Array]:
+    """Standard deviations of all joints' angles, finite for those that are no freedom, too; of the tips: of the fingers' rotations, of the wrist's where
+    it is measured, and of lengths, which err by the share `length_sd`; and the largest variance (n, 6 chains, 3 joints) of a rotation about any axis.
+
+    `rest_sd`, rad, is added to every rotation's.
+    """
+    angles_sd, tips_sd, largest = _of_hand(_JOINTS, geometry.roots(), geometry.chain_offsets(), length_sd, rest_sd, angles, q_pc, P)
+    return angles_sd, tips_sd, largest
 
 
 @inlined
@@ -65,20 +56,42 @@ def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bon
             J[0, 3 * j + b], J[1, 3 * j + b], J[2, 3 * j + b] = y * arm[2] - z * arm[1], z * arm[0] - x * arm[2], x * arm[1] - y * arm[0]
 
 
-@rowwise("(a),(a,a)->(a)")
-def _angles_sd(angles: Array, P: Array, sd: Array) -> None:
-    J, C = np.empty((3, 3)), P.copy()
-    angle_jacobian_row(angles.copy(), angles, J)
-    for a in range(3):
-        sd[a] = math.sqrt(max(variance_of(J[a], C), 0.0))
-
-
-@rowwise("(q),(v,v),(j,q),(e,e),(v),(j,v),()->(v)")
-def _tips_sd(q_WH: Array, P_wrist: Array, q_pc: Array, P: Array, root: Array, offsets: Array, length_sd: float, sd: Array) -> None:
-    J, bones, C = np.empty((3, 12)), np.empty((4, 3)), np.zeros((12, 12))
-    block(1.0, P, 0, 0, C)
-    block(1.0, P_wrist, 9, 9, C)
-    tip_row(q_WH.copy(), q_pc.copy(), root.copy(), offsets.copy(), J, bones)
-    for a in range(3):
-        of_lengths = bones[0, a] ** 2 + bones[1, a] ** 2 + bones[2, a] ** 2 + bones[3, a] ** 2
-        sd[a] = math.sqrt(length_sd * length_sd * of_lengths + max(variance_of(J[a], C), 0.0))
+@rowwise("(c,k),(f,v),(f,k,v),(),(),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
+def _of_hand(
+    joints: Array, roots: Array, offsets: Array, length_sd: float, rest_sd: float, angles: Array, q_pc: Array, P: Array,
+    angles_sd: Array, tips_sd: Array, largest: Array,
+) -> None:  # fmt: skip
+    C, J_tip, bones, q, places = np.zeros((12, 12)), np.empty((3, 12)), np.empty((4, 3)), np.empty((4, 4)), np.empty((4, 3))
+    J, own, C_own = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for a in range(4):  # an unknown wrist counts as neutral, as in forward kinematics
+        q[3, a] = q_pc[0, a] if math.isfinite(q_pc[0, 0]) else (1.0 if a == 0 else 0.0)
+    for c in range(joints.shape[0] - 1, -1, -1):  # the wrist's, the last, first
+        for i in range(9):
+            for k in range(9):
+                C[i, k] = P[c, i, k] + (rest_sd * rest_sd if i == k else 0.0)
+        for j in range(3 if c < roots.shape[0] else 1):
+            joint = int(joints[c, j])
+            for a in range(3):
+                own[a] = angles[joint, a]
+                for k in range(3):
+                    C_own[a, k] = C[3 * j + a, 3 * j + k]
+            angle_jacobian_row(own, own, J)
+            for a in range(3):
+                angles_sd[joint, a] = math.sqrt(max(variance_of(J[a], C_own), 0.0))
+        for j in range(3):
+            largest[c, j] = max(C[3 * j, 3 * j], C[3 * j + 1, 3 * j + 1], C[3 * j + 2, 3 * j + 2])
+            for a in range(4):
+                q[j, a] = q_pc[int(joints[c, j]), a]
+        if c == roots.shape[0]:
+            for i in range(3):
+                for k in range(3):
+                    C[9 + i, 9 + k] = C[i, k] if math.isfinite(q_pc[0, 0]) else 0.0
+            continue
+        for a in range(3):
+            places[3, a] = roots[c, a]
+            for j in range(3):
+                places[j, a] = offsets[c, j, a]
+        tip_row(q[3], q, places[3], places, J_tip, bones)
+        for a in range(3):
+            of_lengths = bones[0, a] ** 2 + bones[1, a] ** 2 + bones[2, a] ** 2 + bones[3, a] ** 2
+            tips_sd[c, a] = math.sqrt(length_sd * length_sd * of_lengths + max(variance_of(J_tip[a], C), 0.0))

@@ -11,6 +11,7 @@ Limits  noise that is correlated in time is taken as white noise that is larger;
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = L
     chains = len(free)
     P = np.zeros((chains, SIZE, SIZE))
     P[:, range(9, 21), range(9, 21)] = np.repeat(bias_sd**2, 3, axis=1)
-    q_pc, still = np.tile(quat.IDENTITY, (chains, 3, 1)), np.tile(quat.IDENTITY, (chains, 4, 1))
+    q_pc, still = np.tile(quat.IDENTITY, (chains, 3, 1)), _still(chains)
     known, nothing = np.zeros((chains, 3), bool), np.zeros((chains, 4, 3))
     ended = (-np.inf, -np.inf, still, *_nothing(chains))
     return State(
@@ -146,15 +147,16 @@ def _window(params: FilterParams, state: State, samples: Samples, first: int) ->
 
     It closes at once where much may have been missed: the covariance must not tell for the rest of the window what was known before.
     """
-    due = int(np.searchsorted(samples.t, state.t + params.update - 1e-9))
+    due = int(samples.t.searchsorted(state.t + params.update - 1e-9))
     last = max(min(due, len(samples) - 1), first) + 1
-    doubt = np.cumsum(np.concatenate([state.doubt[None], samples.doubt[first:last]]), axis=0)[1:]
-    if (unsure := doubt.max(axis=(1, 2)) > MUCH).any():
-        due = first + int(np.argmax(unsure))
-        last = due + 1
-    changes = np.flatnonzero((samples.known[first:last] != state.known).any(axis=(1, 2)))
-    if len(changes):
-        return first + int(changes[0]), False
+    if samples.doubt[first:last].any() or state.doubt.any():
+        doubt = np.cumsum(np.concatenate([state.doubt[None], samples.doubt[first:last]]), axis=0)[1:]
+        if (unsure := doubt.max(axis=(1, 2)) > MUCH).any():
+            due = first + int(np.argmax(unsure))
+            last = due + 1
+    alike = (samples.known[first:last] == state.known).all(axis=(1, 2))
+    if not alike.all():
+        return first + int(np.argmin(alike)), False
     return last, last - 1 >= due
 
 
@@ -169,7 +171,9 @@ def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[Stat
 def _predicted(numbers: Array, state: State) -> State:
     """The window's end becomes the state; the covariance goes along; a new window opens."""
     q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
-    return _window_open(replace(state, q_pc=q_pc, P=P))
+    by_bias, bias_time, doubt = _nothing(len(q_pc))
+    opened = {"turned": _still(len(q_pc)), "by_bias": by_bias, "bias_time": bias_time, "doubt": doubt}
+    return replace(state, q_pc=q_pc, P=P, t=state.newest, **opened)
 
 
 def _told(numbers: Array, state: State, acc: Array, span: float, window: State) -> tuple[State, Array]:
@@ -293,16 +297,18 @@ def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
     return np.flatnonzero(np.repeat(own, 3))
 
 
-def _window_open(state: State) -> State:
-    by_bias, bias_time, doubt = _nothing(len(state.q_pc))
-    still = np.tile(quat.IDENTITY, (len(state.q_pc), 4, 1))
-    return replace(state, t=state.newest, turned=still, by_bias=by_bias, bias_time=bias_time, doubt=doubt)
+def _still(chains: int) -> Array:
+    """Sensors that have not turned (F, 4, 4)."""
+    turned = np.zeros((chains, 4, 4))
+    turned[..., 0] = 1.0
+    return turned
 
 
 def _nothing(chains: int) -> tuple[Array, Array, Array]:
     return np.zeros((chains, 4, 3, 3)), np.zeros((chains, 4)), np.zeros((chains, 4))
 
 
+@cache
 def _numbers(params: FilterParams) -> Array:
     """Options as the kernels take them."""
     of_gyr = np.radians(params.gyr_noise), params.gyr_scale, np.radians(params.bias_walk)

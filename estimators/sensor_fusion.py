@@ -8,7 +8,7 @@ Limits  without magnetometer the heading drifts with what is left of the gyrosco
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -160,20 +160,20 @@ def _advance(
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
-    sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
-    vqf = _vqf(params, state.period)
     flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
-    steady: NDArray[np.bool_] = np.logical_and.reduce(whole[:count]) & (count > 0)
-    for k, sensor in enumerate(state.sensors):
-        if steady[k] and _goes_on(sensor) and not _has_north(sensor, block.values[:, k]):  # what is almost always so
-            after, q_GS[:, k], _ = _filter(params, sensor, vqf, block, block.values[:count, k], 0, count)
-            if sensor.lost or sensor.start is None:
-                flags[:, k] |= _headless(sensor)
-            doubt[:, k] = sensor.doubt
-        else:
+    vqf = _vqf(params, state.period)
+    if (
+        count and whole[:count].all() and all(_goes_on(s) and not _has_north(s, block.values) for s in state.sensors)
+    ):  # what is almost always so
+        sensors, q_GS = _go_on(params, state.sensors, vqf, settled)
+        flags |= np.array([_headless(s) for s in sensors])
+        doubt = np.full(flags.shape, [s.doubt for s in sensors])
+    else:
+        sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
+        for k, sensor in enumerate(state.sensors):
             after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, vqf, block, whole[:, k], k, count)
             flags[:, k] |= more
-        sensors.append(after)
+            sensors.append(after)
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(state.stream, tuple(sensors), state.period, newest, held if len(held.t) else None, sampled[count:])
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
@@ -257,7 +257,7 @@ def _goes_on(sensor: SensorState) -> bool:
 
 def _has_north(sensor: SensorState, samples: Array) -> bool:
     """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no relation to the pose's heading."""
-    return samples.shape[1] > 6 and (sensor.start is None or sensor.north is not None)
+    return samples.shape[-1] > 6 and (sensor.start is None or sensor.north is not None)
 
 
 def _headless(sensor: SensorState) -> np.uint8:
@@ -312,6 +312,40 @@ def _vqf(params: FusionParams, period: float) -> VQF:
     )
 
 
+def _go_on(params: FusionParams, sensors: Sequence[SensorState], vqf: VQF, block: Block) -> tuple[list[SensorState], Array]:
+    """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
+    samples = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1))
+    rates = samples[..., :3] if params.gyr_reading == "mean" else np.stack([_midway(s, w[:, :3]) for s, w in zip(sensors, samples)])
+    gyr, acc = rates - np.array([s.bias for s in sensors])[:, None], samples[..., 3:].copy()
+    q_GS, after, t = np.empty((len(block.t), len(sensors), 4)), [], block.t
+    for k, sensor in enumerate(sensors):
+        vqf.state = sensor.filter_state
+        q_GS[:, k] = vqf.updateBatch(gyr[k], acc[k])["quat6D"]
+        after.append(_after(sensor, vqf, t, samples[k], q_GS[-1, k]))
+    return after, q_GS
+
+
+def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
+    """A sensor behind samples (n, 6 or more) at t (n,), its newest orientation q_GS (4,)."""
+    one = len(t) == 1
+    return SensorState(  # `replace` would cost as much as the filter's step
+        sensor.start,
+        sensor.bias,
+        sensor.known_until,
+        sensor.north,
+        vqf.state,
+        last=samples[-1, :6].copy(),
+        last_t=float(t[-1]),
+        previous=(None if sensor.absent else sensor.last) if one else samples[-2, :6].copy(),
+        previous_t=sensor.last_t if one else float(t[-2]),
+        q_GS=q_GS.copy(),
+        doubt=sensor.doubt,
+        lost=sensor.lost,
+        northed=sensor.northed,
+        absent=False,
+    )
+
+
 def _filter(
     params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, samples: Array, first: int, last: int
 ) -> tuple[SensorState, Array, NDArray[np.bool_]]:
@@ -327,24 +361,7 @@ def _filter(
         q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
     else:
         q_GS, disturbed = vqf.updateBatch(gyr, acc)["quat6D"], np.zeros(last - first, bool)
-    before, before_t = (samples[-2, :6].copy(), float(block.t[last - 2])) if last - first > 1 else (sensor.last, sensor.last_t)
-    after = SensorState(  # `replace` would cost as much as the filter's step
-        sensor.start,
-        sensor.bias,
-        sensor.known_until,
-        sensor.north,
-        filter_state=vqf.state,
-        last=samples[-1, :6].copy(),
-        last_t=float(block.t[last - 1]),
-        previous=None if last - first == 1 and sensor.absent else before,
-        previous_t=before_t,
-        q_GS=q_GS[-1].copy(),
-        doubt=sensor.doubt,
-        lost=sensor.lost,
-        northed=sensor.northed,
-        absent=False,
-    )
-    return after, q_GS, disturbed & params.mag_rejection
+    return _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]), q_GS, disturbed & params.mag_rejection
 
 
 def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Array) -> tuple[Array, NDArray[np.bool_]]:

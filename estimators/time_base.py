@@ -7,6 +7,8 @@ Limits  a silent stream holds the rows up until `release` leaves it behind: its 
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,11 +140,10 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
 
 def _place(rows: Rows, waiting: Waiting) -> None:
     """Write the stream's segments into the rows, interpolated between the samples around each instant; outside them another stream goes first."""
-    columns = [(k, SEGMENT[name]) for k, name in enumerate(waiting.stream.sensors) if name in SEGMENT]
+    sensors, segments = _worn(waiting.stream.sensors)
     data, t = waiting.data, rows.t
-    if not columns or not len(t) or not len(data.t):
+    if not len(sensors) or not len(t) or not len(data.t):
         return
-    sensors, segments = (np.array(c) for c in zip(*columns))
     after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
     own = slice(after[0], after[0] + len(t))
     if np.array_equal(data.t[own], t):  # the stream has samples at just these instants: the same bits without interpolation
@@ -165,6 +166,13 @@ def _place(rows: Rows, waiting: Waiting) -> None:
     rows.doubt[:, segments] = np.where(elsewhere, rows.doubt[:, segments], data.doubt[after][:, sensors])
 
 
+@cache
+def _worn(sensors: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Which of a stream's sensors sit on the hand, and on which segments."""
+    columns = [k for k, name in enumerate(sensors) if name in SEGMENT]
+    return np.array(columns, np.intp), np.array([SEGMENT[sensors[k]] for k in columns], np.intp)
+
+
 def _no_rows() -> Rows:
     return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8), np.empty((0, len(SEGMENTS))))
 
@@ -174,10 +182,14 @@ def _nothing(sensors: int) -> Oriented:
 
 
 def _append(a: Oriented, b: Oriented) -> Oriented:
-    return Oriented(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Oriented)))
+    return Oriented(*(np.concatenate(both) for both in zip(_of(a), _of(b))))
 
 
 def _prune(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(np.searchsorted(waiting.data.t, t, side="right")) - 1, 0)
-    return Waiting(waiting.stream, Oriented(*(getattr(waiting.data, f.name)[first:] for f in fields(Oriented))))
+    return Waiting(waiting.stream, Oriented(*(values[first:] for values in _of(waiting.data))))
+
+
+def _of(data: Oriented) -> tuple[Any, ...]:
+    return data.t, data.q_GS, data.flags, data.doubt, data.sampled

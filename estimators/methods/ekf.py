@@ -7,6 +7,7 @@ Limits  the hand's own orientation is that of its fusion; a sensor whose samples
         its orientation from the fusion, interpolated; standard deviations are those of the newest update, up to 0.2 s ago
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -37,7 +38,7 @@ from estimators.trajectory import Flag, Trajectory, empty
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
-WRIST = JOINT["wrist"]
+WRIST, LOST = JOINT["wrist"], np.uint8(Flag.HEADING_LOST)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,14 +166,14 @@ def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Tr
     tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
     sure = _sure(params, state, found, angles[found.told], q_pc[found.told])
     newest = np.searchsorted(found.told, np.arange(len(rows.t)), side="right")
-    lost = sure.lost[newest] & ((rows.flags & Flag.HEADING_LOST) != 0)
+    lost = sure.lost[newest] & ((rows.flags & LOST) != 0)
     moved = Trajectory(
         state.calibration.hand,
         rows.t,
         joint_angles.only_freedoms(angles),
         q_GS,
         tips,
-        (rows.flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost,
+        (rows.flags & ~LOST) | LOST * lost,
         np.where(np.isnan(angles), np.nan, sure.angles_sd[newest]),
         np.where(np.isnan(tips), np.nan, sure.tips_sd[newest]),
     )
@@ -192,19 +193,18 @@ def _sure(params: Params, state: State, found: finger_ekf.Estimate, angles: Arra
     before = Sure(state.sure.angles_sd[None], state.sure.tips_sd[None], state.sure.lost[None])
     if not len(found.told):
         return before
-    P = found.P + np.radians(params.rest_of_sd) ** 2 * np.eye(9)
-    tips_sd = ekf_deviations.of_tips(q_pc, P, state.calibration.geometry, params.length_sd)
+    rest_sd, geometry = math.radians(params.rest_of_sd), state.calibration.geometry
+    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, geometry, params.length_sd, rest_sd)
     return Sure(
-        np.concatenate([before.angles_sd, joint_angles.only_freedoms(ekf_deviations.of_angles(angles, P))]),
+        np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),
-        np.concatenate([before.lost, _lost(params, P)]),
+        np.concatenate([before.lost, _lost(largest > math.radians(params.heading_known) ** 2)]),
     )
 
 
-def _lost(params: Params, P: Array) -> NDArray[np.bool_]:
-    """Which segments (n, segments) are not known against the hand: a joint between them is not."""
-    unsure = P.diagonal(axis1=-2, axis2=-1).reshape(len(P), 6, 3, 3).max(axis=-1) > np.radians(params.heading_known) ** 2
-    lost = np.ones((len(P), len(SEGMENTS)), bool)
+def _lost(unsure: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which segments (n, segments) are not known against the hand, of unsure joints (n, 6, 3): a joint between them is not."""
+    lost = np.ones((len(unsure), len(SEGMENTS)), bool)
     lost[:, CHAIN_SEGMENTS] = np.logical_or.accumulate(unsure[:, :5], axis=-1)
     lost[:, SEGMENT["forearm"]], lost[:, SEGMENT["hand"]] = unsure[:, 5, 0], False
     return lost
