@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators import ekf_seats
 from estimators import quaternions as quat
-from estimators.compiled import rowwise
+from estimators.compiled import inlined, rowwise
 from estimators.ekf_updates import CREEPING
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
@@ -52,16 +52,16 @@ def wound(
         put(own, J[s])
 
 
-@rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
-def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, q_pc: Array, P: Array, q_new: Array, P_new: Array) -> None:
+@inlined
+def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Array, P: Array, q: Array, P_new: Array) -> None:
     """How rotations and covariance go on over a window. (2.16), (2.20)-(2.22), not linearised in dt
 
     With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c - R(q_new)' J_p db_p, and a sensor that turned by e more
     than it told adds e to the joint whose child it is, -R(q_new)' e to that whose parent it is.
     """
-    T, q, F, G = turned.copy(), np.empty((3, 4)), np.zeros((9, 21)), np.zeros((9, 12))
-    back, R_cp, R_cs, J, by_parent, row = np.empty(4), np.empty((3, 3)), np.empty((3, 3)), by_bias.copy(), np.empty((3, 3)), np.empty(3)
-    ekf_seats.carried_row(q_pc.copy(), T, q)
+    F, G = np.zeros((9, 21)), np.zeros((9, 12))
+    back, R_cp, R_cs, by_parent, row = np.empty(4), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    ekf_seats.carried_row(q_pc, T, q)
     for j in range(3):
         quat.conjugate_row(q[j], back)
         quat.matrix_row(back, row, R_cp)
@@ -79,10 +79,9 @@ def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, 
         w, x, y, z = T[k // 3, 0], T[k // 3, 1], T[k // 3, 2], T[k // 3, 3]
         angle = 2 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
         Q[k, k] = p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + doubt[k // 3]
-    before = P.copy()
-    spread(F, before, of_angles)
+    spread(F, P, of_angles)
     spread(G, Q, of_noise)
-    product(F, before, across)
+    product(F, P, across)
     put(P, P_new)
     for i in range(9):
         for k in range(P.shape[0]):
@@ -92,4 +91,12 @@ def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, 
             P_new[i, k] = of_angles[i, k] + of_noise[i, k]
     for k in range(9, 21):
         P_new[k, k] += p[BIAS_WALK] ** 2 * span
+
+
+@rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
+def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, q_pc: Array, P: Array, q_new: Array, P_new: Array) -> None:
+    """Over the window of every chain, as `window_row`."""
+    q, C = np.empty((3, 4)), np.empty(P.shape)
+    window_row(p, span, turned.copy(), by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
     put(q, q_new)
+    put(C, P_new)

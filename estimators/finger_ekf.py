@@ -125,13 +125,12 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             state = _started(params, numbers, state, samples, first)
             states.append(state)
             told.append(first)
-            P.append(_told(numbers, state, samples.acc[first], 0.0, state)[1])
+            P.append(_covariance(state.q_pc, state.seat, state.skin, state.P, np.zeros(9)))
         last, closes = _window(params, state, samples, first)
         state, after[first:last] = _turned(state, samples, first, last)
         base[first:last] = len(states) - 1
         if closes:
-            ended = _predicted(numbers, state)
-            state, of_joints = _told(numbers, ended, samples.acc[last - 1], _span(state), state)
+            state, of_joints = _told(numbers, state, samples.acc[last - 1])
             states.append(state)
             told.append(last - 1)
             P.append(of_joints)
@@ -168,21 +167,13 @@ def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[Stat
     return replace(state, newest=float(samples.t[last - 1]), turned=after[:, -1], **window), after.swapaxes(0, 1)
 
 
-def _predicted(numbers: Array, state: State) -> State:
-    """The window's end becomes the state; the covariance goes along; a new window opens."""
-    q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
-    by_bias, bias_time, doubt = _nothing(len(q_pc))
-    opened = {"turned": _still(len(q_pc)), "by_bias": by_bias, "bias_time": bias_time, "doubt": doubt}
-    return replace(state, q_pc=q_pc, P=P, t=state.newest, **opened)
-
-
-def _told(numbers: Array, state: State, acc: Array, span: float, window: State) -> tuple[State, Array]:
-    """What sensors and joints tell at the end of a `window` of `span` s, nothing where that is 0; the covariance (F, 9, 9) of the true joints' errors
-    as the joints were seen before. (2.15)"""
+def _told(numbers: Array, state: State, acc: Array) -> tuple[State, Array]:
+    """The window's end becomes the state, a new window opens; what sensors and joints tell at that end (2.15); the covariance (F, 9, 9) of the true
+    joints' errors as the joints were seen before."""
+    window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc
     known_before = state.q_pc, state.bias, state.seat, state.skin, state.P, state.up, state.rest, state.crept
-    seen = window.turned, window.bias_time, acc
-    *found, of_joints = _updated(numbers, span, state.known, state.free, state.limits, *seen, *known_before, np.zeros(9))
-    return replace(state, **dict(zip(("q_pc", "bias", "seat", "skin", "P", "up", "rest", "crept"), found))), of_joints
+    *found, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
+    return replace(_window_open(state), **dict(zip(("q_pc", "bias", "seat", "skin", "P", "up", "rest", "crept"), found))), of_joints
 
 
 @inlined
@@ -230,18 +221,20 @@ def _rested(
 
 
 @rowwise(
-    "(p),(),(j),(j,v),(j,v,w),(s,q),(s),(s,v),(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d)"
+    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d)"
     "->(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d,d)"
 )
 def _updated(
-    p: Array, span: float, known: Array, free: Array, limits: Array, turned: Array, bias_time: Array, acc: Array,
+    p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, known: Array, free: Array, limits: Array,
     q_pc: Array, bias: Array, seat: Array, skin: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
     q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, P_new: Array, up_new: Array, rest_new: Array, crept_new: Array,
     of_joints: Array,
 ) -> None:  # fmt: skip
-    """The vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
-    q, b, m, k, C, T = q_pc.copy(), bias.copy(), seat.copy(), skin.copy(), P.copy(), turned.copy()
-    vertical, resting, creeping, q_joint, A = up.copy(), rest.copy(), crept.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
+    """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
+    q, C, T = np.empty((3, 4)), np.empty(P.shape), turned.copy()
+    b, m, k, resting, creeping = bias.copy(), seat.copy(), skin.copy(), rest.copy(), crept.copy()
+    ekf_windows.window_row(p, span, T, by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
+    vertical, q_joint, A = up.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
     ekf_seats.seated_row(q, m, k, q_joint, A)
     if span > 0:
         seen, told, rates, usable, change = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE)
@@ -271,6 +264,14 @@ def _updated(
         rest_new[s] = resting[s]
 
 
+@rowwise("(j,q),(s,q),(j,v),(e,e),(d)->(d,d)")
+def _covariance(q_pc: Array, seat: Array, skin: Array, P: Array, row: Array, of_joints: Array) -> None:
+    """That of the true joints' errors."""
+    q_joint, A = np.empty((3, 4)), np.zeros((9, SIZE))
+    ekf_seats.seated_row(q_pc.copy(), seat.copy(), skin.copy(), q_joint, A)
+    spread(A, P.copy(), of_joints)
+
+
 def _span(state: State) -> float:
     """Seconds since the newest update, 0 before the first."""
     return state.newest - state.t if np.isfinite(state.t) else 0.0
@@ -279,7 +280,7 @@ def _span(state: State) -> float:
 def _started(params: FilterParams, numbers: Array, state: State, samples: Samples, row: int) -> State:
     """Joints that were not known before begin where the samples put them, as sure as a pose leaves them; the open window is settled first."""
     if state.newest > state.t:
-        state = _predicted(numbers, state)
+        state = _settled(numbers, state)
     fresh = samples.known[row] & ~state.known
     q_pc, P = np.where(fresh[..., None], samples.q_first[row], state.q_pc), state.P.copy()
     posed = ekf_seats.after_pose(params, q_pc, np.nan_to_num(samples.acc[row]), state.free, state.seats)
@@ -295,6 +296,17 @@ def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
     """Error states of the joints that begin: their rotations, seats and skins; the chain's first seat with the first of them."""
     own = np.concatenate([fresh, np.zeros(4, bool), [first], fresh, fresh])
     return np.flatnonzero(np.repeat(own, 3))
+
+
+def _settled(numbers: Array, state: State) -> State:
+    """The open window's end becomes the state; the covariance goes along."""
+    q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
+    return replace(_window_open(state), q_pc=q_pc, P=P)
+
+
+def _window_open(state: State) -> State:
+    by_bias, bias_time, doubt = _nothing(len(state.q_pc))
+    return replace(state, t=state.newest, turned=_still(len(state.q_pc)), by_bias=by_bias, bias_time=bias_time, doubt=doubt)
 
 
 def _still(chains: int) -> Array:
