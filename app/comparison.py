@@ -50,14 +50,7 @@ class Compared:
 
 def as_text(compared: Compared) -> str:
     """For a terminal: degrees and millimetres."""
-    lag = compared.lag
-    lines = [
-        f"A  {compared.a.name}, {compared.a.source}, {compared.a.samples} samples",
-        f"B  {compared.b.name}, {compared.b.source}, {compared.b.samples} samples",
-        f"lag ({compared.how}): A's time = B's time {'-' if lag.seconds < -5e-5 else '+'} {abs(lag.seconds):.4f} s; "
-        f"correlation {lag.correlation:.3f} over {lag.overlap:.1f} s",
-        f"{SIGN}; angles in deg, the distance of the tips in mm",
-    ]
+    lines = [*_head(compared), f"{SIGN}; angles in deg, the distance of the tips in mm"]
     parts = dict.fromkeys((g.task, g.onset, g.end) for g in compared.agreements)
     width = max([len(g.name) for g in compared.agreements], default=10)
     for task, onset, end in parts:
@@ -71,7 +64,7 @@ def as_text(compared: Compared) -> str:
 def as_csv(compared: Compared) -> bytes:
     """A row a quantity and task, in the unit named; comment lines (#) before the header."""
     buffer = io.StringIO()
-    for line in (*as_text(compared).split("\n")[:3], SIGN, "angles: flexion, ulnar deviation and pronation are positive"):
+    for line in (*_head(compared), SIGN, "angles: flexion, ulnar deviation and pronation are positive"):
         buffer.write("# " + " ".join(line.split()) + "\n")
     writer = csv_format.DictWriter(buffer, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -98,11 +91,34 @@ def as_json(compared: Compared) -> bytes:
                 "correlation": lag.correlation,
                 "overlap": lag.overlap,
                 "rival": lag.rival,
+                "at": lag.at,
+                "drift": lag.drift,
             },
             "agreements": [_values(g) for g in compared.agreements],
         },
         option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY,
     )
+
+
+def _head(compared: Compared) -> list[str]:
+    """What was compared and how the clocks stand."""
+    lag = compared.lag
+    at = f" at A's {lag.at:.1f} s" if lag.rate else ""
+    lines = [
+        f"A  {compared.a.name}, {compared.a.source}, {compared.a.samples} samples",
+        f"B  {compared.b.name}, {compared.b.source}, {compared.b.samples} samples",
+        f"lag ({compared.how}): A's time = B's time {_signed(lag.seconds)}{at}; correlation {lag.correlation:.3f} over {lag.overlap:.1f} s",
+    ]
+    if lag.drift:
+        runs = f"{1e6 * abs(lag.drift.value):.1f} ± {1e6 * lag.drift.sd:.1f} ppm {'fast' if lag.drift.value > 0 else 'slow'}"
+        end = lag.at + lag.overlap
+        later = f"corrected, at A's {end:.1f} s the lag is {_signed(lag.seconds - lag.rate * lag.overlap)}"
+        lines.append(f"clocks: B's runs {runs}; {later}" if lag.rate else f"clocks: no difference that matters (B's runs {runs})")
+    return lines
+
+
+def _signed(seconds: float) -> str:
+    return f"{'-' if seconds < -5e-5 else '+'} {abs(seconds):.4f} s"
 
 
 def _heading(width: int) -> str:

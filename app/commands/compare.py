@@ -14,7 +14,7 @@ from estimators import marker_clusters
 from estimators.errors import InputError
 from estimators.hand_anatomy import ANGLES, HANDS, Hand
 from estimators.marker_clusters import FlatPose, Markers
-from estimators.measures import comparison, synchronisation
+from estimators.measures import clock_drift, comparison, synchronisation
 from estimators.measures.comparison import WHOLE, Pair
 from estimators.measures.synchronisation import Lag
 from estimators.methods import METHODS
@@ -56,7 +56,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument("--hand", choices=HANDS, help="the hand measured, where neither says")
     parser.add_argument("--up", choices=UP, default="z", help="the axis of the markers' frame that points up (default z)")
-    parser.add_argument("--lag", type=float, metavar="S", help="A's time less B's, instead of looking for it")
+    parser.add_argument(
+        "--lag", type=float, metavar="S", help="A's time less B's, instead of looking for it; the clocks run equally fast then"
+    )
     parser.add_argument("--max-lag", type=float, default=np.inf, metavar="S", help="look for lags up to this only")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for comparison.json, comparison.csv and bland_altman.svg")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"the Bland-Altman plot: {', '.join('.' + form for form in PLOTS)}")
@@ -67,9 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
     _require_places(arguments)
     a, b = _both(arguments)
     lag, how = _lag(a, b, arguments)
-    pairs = comparison.paired(a.trajectory, b.trajectory, lag.seconds)
+    b = _on_clock(b, lag)
+    pairs = comparison.paired(a.trajectory, b.trajectory, 0.0)
     span = (float(a.trajectory.t[0]), float(a.trajectory.t[-1]))
-    found = comparison.agreements(pairs, comparison.stretches(a.events, b.events, lag.seconds, span))
+    found = comparison.agreements(pairs, comparison.stretches(a.events, b.events, 0.0, span))
     if not found:
         raise InputError("the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag")
     compared = Compared(a.side, b.side, lag, how, tuple(found))
@@ -88,6 +91,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out:
         say(f"\n{len(found)} comparisons of {len({g.name for g in found})} quantities: {arguments.out}")
     return 0
+
+
+def _on_clock(b: Moved, lag: Lag) -> Moved:
+    """B by A's clock."""
+    onset, end = (lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float)) for end in ("onset", "end"))
+    events = tuple(replace(e, onset=float(first), duration=float(last - first)) for e, first, last in zip(b.events, onset, end))
+    return replace(b, trajectory=replace(b.trajectory, t=lag.on_a(b.trajectory.t)), events=events)
 
 
 def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, bytes]:
@@ -240,4 +250,4 @@ def _lag(a: Moved, b: Moved, arguments: argparse.Namespace) -> tuple[Lag, str]:
         return synchronisation.fit_at(on_a, on_b, arguments.lag), "given"
     if a.checksum and a.checksum == b.checksum:
         return synchronisation.fit_at(on_a, on_b, 0.0), "one recording, one clock"
-    return synchronisation.synchronised(on_a, on_b, arguments.max_lag), "cross-correlation"
+    return clock_drift.synchronised_clocks(on_a, on_b, arguments.max_lag), "cross-correlation"

@@ -3,8 +3,8 @@
 In      two signals of the same channels (n, channels) on clocks of their own, at any rates, NaN where not known
 Out     the lag that brings B's time to A's, finer than a sample, with the correlation found there
 Source  Kortier, thesis 3.2.5 (post-hoc cross-correlation); correlation of data with holes: Padfield 2012, IEEE Trans Image Process 21:2706, (18)
-Limits  two clocks are taken to run equally fast; a movement that only repeats itself fits at every period: the lag of the longest overlap is
-        taken then and the next one told as `rival`
+Limits  two clocks are taken to run equally fast here, clock_drift.py looks for the rest; a movement that only repeats itself fits at every period:
+        the lag of the longest overlap is taken then and the next one told as `rival`
 """
 
 from dataclasses import dataclass
@@ -39,21 +39,46 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Drift:
+    """How much faster B's clock runs than A's: seconds of B too many in a second of A."""
+
+    value: float
+    sd: float
+    windows: int  # that it was read from
+    applied: bool  # it is beyond chance and matters
+
+
+@dataclass(frozen=True)
 class Lag:
-    """How B's clock stands against A's: t_A = t_B + seconds."""
+    """How B's clock stands against A's: t_A = t_B + seconds at A's time `at`; before and after that less or more by the drift."""
 
     seconds: float
     correlation: float  # pooled over the channels, means removed; NaN where it was not looked for
     overlap: float  # s that both show
     rival: float | None = None  # s, another lag that fits as well: the movement repeats itself
+    at: float = 0.0  # s, A's clock
+    drift: Drift | None = None  # None: not looked for, or too little to tell it from
+
+    @property
+    def rate(self) -> float:
+        """B's seconds in a second of A, less one."""
+        return self.drift.value if self.drift and self.drift.applied else 0.0
+
+    def on_b(self, t_a: Array) -> Array:
+        """A's instants by B's clock."""
+        return np.asarray(t_a - self.seconds + self.rate * (t_a - self.at))
+
+    def on_a(self, t_b: Array) -> Array:
+        """B's instants by A's clock."""
+        return np.asarray((t_b + self.seconds + self.rate * self.at) / (1.0 + self.rate))
 
 
 def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     """The lag of at most `longest` s either way at which B fits A best; InputError where none convinces."""
-    rate = min(GRID, max(_rate(a), _rate(b)))
+    rate = min(GRID, max(rate_of(a), rate_of(b)))
     on_a, on_b = _on_grid(a, rate), _on_grid(b, rate)
     for name, signal in (("A", on_a), ("B", on_b)):
-        if not _variance(signal.values).sum() > 1e-12:
+        if not variance(signal.values).sum() > 1e-12:
             raise InputError(
                 f"nothing moves in the channels that both recordings hold in {name}: there is nothing to synchronise by; give --lag"
             )
@@ -65,7 +90,7 @@ def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
             f"{f' at lags up to {longest:g} s' if np.isfinite(longest) else ''}; choose two recordings of one movement"
         )
     best, rival = _chosen(lags, np.where(usable, r, -np.inf), overlap)
-    found = _refined(Signal(a.t[:: (thin := max(1, round(_rate(a) / rate)))], a.values[::thin]), b, float(lags[best]), 1.0 / rate)
+    found = _refined(Signal(a.t[:: (thin := max(1, round(rate_of(a) / rate)))], a.values[::thin]), b, float(lags[best]), 1.0 / rate)
     needed = np.clip(_by_chance(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING)
     if found.correlation < needed:
         raise InputError(
@@ -81,7 +106,7 @@ def fit_at(a: Signal, b: Signal, seconds: float) -> Lag:
     both = np.isfinite(a.values) & np.isfinite(shifted)
     if both.any(axis=1).sum() < 3:
         raise InputError(f"the recordings do not overlap at a lag of {seconds:g} s; choose two recordings of one movement or another lag")
-    return Lag(seconds, _pooled(a.values, shifted), float(both.any(axis=1).sum() / _rate(a)))
+    return Lag(seconds, pooled(a.values, shifted), float(both.any(axis=1).sum() / rate_of(a)))
 
 
 def interpolated(signal: Signal, at: Array) -> Array:
@@ -96,7 +121,7 @@ def interpolated(signal: Signal, at: Array) -> Array:
     span = t[k + 1] - t[k]
     u = ((at - t[k]) / span)[:, None]
     linear = np.where(u == 0, v[k], np.where(u == 1, v[k + 1], v[k] * (1 - u) + v[k + 1] * u))
-    longest = max(LONGEST_GAP, 1.5 / _rate(signal))
+    longest = max(LONGEST_GAP, 1.5 / rate_of(signal))
     off = (u < -1e-9) | (u > 1 + 1e-9) | ((span > longest)[:, None] & (u != 0) & (u != 1))
     linear[np.broadcast_to(off, linear.shape)] = np.nan
     around = np.clip(k[:, None] + np.arange(-1, 3), 0, n - 1)
@@ -111,7 +136,7 @@ def interpolated(signal: Signal, at: Array) -> Array:
     return linear
 
 
-def _rate(signal: Signal) -> float:
+def rate_of(signal: Signal) -> float:
     return float(1.0 / np.median(np.diff(signal.t))) if len(signal.t) > 1 else GRID
 
 
@@ -120,7 +145,7 @@ def _on_grid(signal: Signal, rate: float) -> Signal:
     return Signal(t, interpolated(signal, t))
 
 
-def _variance(values: Array) -> Array:
+def variance(values: Array) -> Array:
     """Variance (channels,) of what is known; 0 where nothing is."""
     known = np.isfinite(values)
     n = np.maximum(known.sum(axis=0), 1)
@@ -148,8 +173,8 @@ def _correlations(a: Signal, b: Signal, rate: float) -> tuple[Array, Array, Arra
         var_a += sums(x2, m_b) - of_a**2 / count
         var_b += sums(m_a, y2) - of_b**2 / count
         most = np.maximum(most, n)
-        moved_a += _variance(x[:, None])[0] * n
-        moved_b += _variance(y[:, None])[0] * n
+        moved_a += variance(x[:, None])[0] * n
+        moved_b += variance(y[:, None])[0] * n
     overlap = most / rate
     least = max(SHORTEST_OVERLAP, LEAST_OVERLAP * min(n_a, n_b) / rate)
     enough = (overlap >= least - 1e-9) & (var_a > MOVING * moved_a) & (var_b > MOVING * moved_b) & (moved_a > 0) & (moved_b > 0)
@@ -185,16 +210,16 @@ def _vertex(r: Array, k: int) -> float:
 
 def _refined(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     """The lag within a grid step either way at which B, interpolated, fits A's samples best."""
-    moving = _variance(a.values) > 1e-4 * _variance(a.values).max()  # the others tell nothing and cost as much
+    moving = variance(a.values) > 1e-4 * variance(a.values).max()  # the others tell nothing and cost as much
     x, y = a.values[:, moving], Signal(b.t, b.values[:, moving])
     found = minimize_scalar(
-        lambda s: -_pooled(x, interpolated(y, a.t - s)), bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-6}
+        lambda s: -pooled(x, interpolated(y, a.t - s)), bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-6}
     )
     s = float(found.x)
-    return Lag(s, _pooled(a.values, interpolated(b, a.t - s)), np.nan)
+    return Lag(s, pooled(a.values, interpolated(b, a.t - s)), np.nan)
 
 
-def _pooled(x: Array, y: Array) -> float:
+def pooled(x: Array, y: Array) -> float:
     """Correlation over all channels together, each about its own mean."""
     both = np.isfinite(x) & np.isfinite(y)
     n = np.maximum(both.sum(axis=0), 1)
@@ -214,6 +239,6 @@ def _by_chance(a: Signal, b: Signal, overlap: float, rate: float) -> float:
 
 def _bandwidth(signal: Signal, rate: float) -> float:
     """RMS frequency in Hz (Rice): of the rates against the values."""
-    total = _variance(signal.values).sum()
+    total = variance(signal.values).sum()
     rates = np.nan_to_num(np.diff(signal.values, axis=0) * rate)
     return float(np.clip(np.sqrt((rates**2).mean(axis=0).sum() / total) / (2 * np.pi), 0.05, 10.0))

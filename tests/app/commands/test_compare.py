@@ -86,6 +86,24 @@ def test_a_known_lag_and_known_offsets_come_back(tmp_path: Path, capsys: pytest.
     assert float(row["offset"]) == pytest.approx(offsets[DOFS.index(("index_pip", "flexion"))] / DEG, abs=1e-3)
 
 
+def test_a_clock_that_drifts_is_told_and_corrected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A at 50 Hz, B at 64 Hz 250 ppm fast; either order of the files."""
+    move = movement(1, len(DOFS))
+    t_a, t_b = np.arange(0, 40, 0.02), np.arange(0, 40, 1 / 64)
+    a = angles(tmp_path / "a", t_a, move(t_a))
+    event = Event(20.0 * 1.00025, 10.0 * 1.00025, "task", {"task_name": "one"})
+    b = angles(tmp_path / "b", t_b * 1.00025, move(t_b), (event,))
+    for words, drift in (([str(a), str(b)], 250e-6), ([str(b), str(a)], -250e-6)):
+        told, found = compared(words, tmp_path / "out")
+        assert told["lag"]["seconds"] == pytest.approx(0.0, abs=2e-4)
+        assert told["lag"]["drift"]["value"] == pytest.approx(drift, abs=5e-6)
+        assert max(g["drms"] for g in found.values()) < 0.2 * DEG
+    printed = capsys.readouterr().out
+    assert "ppm fast; corrected, at A's 40.0 s the lag is - 0.0100 s" in printed
+    assert "ppm slow; corrected, at A's 40.0 s the lag is + 0.0100 s" in printed
+    assert printed.count("one, 20.0 to 30.0 s") == 2  # by the clock that is right, and 20.005 to 30.005 s by the other one
+
+
 def test_method_against_method_on_one_recording(simulated: Path, tmp_path: Path) -> None:
     told, found = compared([str(simulated), str(simulated), "--method-a", "m2", "--method-b", "b"], tmp_path)
     assert (told["lag"]["seconds"], told["lag"]["how"]) == (0.0, "one recording, one clock")
