@@ -22,6 +22,7 @@ from sessions.store import Store
 from sessions.tables import Result
 
 APERTURE = "aperture"
+LEAD = 1.0  # s before and after a task that two recordings run in step
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,34 @@ def beside(store: Store, a: Result, b: Result, what: str, event: int | None, poi
     found = agreements([_pair(what, first.t, on_a, on_b)], [("", -np.inf, np.inf)]) if same else []
     t, (thin_a, thin_b, apart) = thinned(first.t - onsets[0], [on_a, on_b, on_b - on_a], points)
     return Beside(t, thin_a, thin_b, apart, found[0] if found else None, onsets)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A task of one recording and the same of another."""
+
+    onset: float  # s of the one's clock
+    other: float  # s of the other's
+    length: float  # s, of the longer
+
+
+def in_step(a: Result, b: Result) -> tuple[Step, ...]:
+    """Every task of A that B has, too, in order of time; none for one recording, whose clock is one. InputError where they have none in common."""
+    if a.recording_id == b.recording_id:
+        return ()
+    tasks, others = _tasks(a), {e.get("task_name") for e in _tasks(b).values()}
+    found = [_trials(a, b, event) for event, e in tasks.items() if e.get("task_name") in others]
+    if not found:
+        raise InputError("the two sessions have no task in common, so they cannot be shown in step; choose another session")
+    return tuple(sorted((Step(*onsets, length) for onsets, length in found), key=lambda s: s.onset))
+
+
+def at_other(steps: Sequence[Step], t: float) -> float:
+    """The other's moment at t: within the task that is on, or was last; a task is waited for, and stood still after, LEAD s from its ends."""
+    if not steps:
+        return t
+    step = next((s for s in reversed(steps) if s.onset - LEAD <= t), steps[0])
+    return step.other + float(np.clip(t - step.onset, -LEAD, step.length + LEAD))
 
 
 def _trials(a: Result, b: Result, event: int) -> tuple[tuple[float, float], float]:

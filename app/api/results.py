@@ -86,10 +86,8 @@ def compare(
 
     Of one recording with the difference, other less this, and how far they agree; of two, from the onset of the same task on.
     """
-    a, b = (_done(results.get(db, id_)) for id_ in (result_id, other))
-    if a.recording.session.patient_id != b.recording.session.patient_id:
-        raise InputError("the results are of two patients; compare sessions of one patient")
-    found = beside(parts.store, a, b, what, event, points)
+    a = _done(results.get(db, result_id))
+    found = beside(parts.store, a, _of_one_patient(a, _done(results.get(db, other))), what, event, points)
     return {
         "t": _numbers(found.t),
         "a": _numbers(found.a),
@@ -135,11 +133,27 @@ async def read_replay_file(
 
 
 @router.post("/{result_id}/replay", status_code=201)
-def open_replay(db: Db, parts: PartsDep, result_id: int) -> dict[str, Any]:
+def open_replay(
+    db: Db,
+    parts: PartsDep,
+    result_id: int,
+    other: Annotated[int | None, Query(description="a result of the same patient that is played beside it, task by task in step")] = None,
+    at: Annotated[float | None, Query(description="where to begin, s")] = None,
+) -> dict[str, Any]:
     """A station that plays the movement in the 3-D scene."""
     result = _done(results.get(db, result_id))
-    station = parts.stations.open_replay(parts.store, result)
+    beside = None if other is None else _of_one_patient(result, _done(results.get(db, other)))
+    station = parts.stations.open_replay(parts.store, result, beside)
+    if at is not None:
+        station.act("seek", at)
     return {"station": station.name}
+
+
+def _of_one_patient(result: Result, other: Result) -> Result:
+    """The other; InputError where it is of another patient."""
+    if result.recording.session.patient_id != other.recording.session.patient_id:
+        raise InputError("the results are of two patients; compare sessions of one patient")
+    return other
 
 
 def _done(result: Result) -> Result:

@@ -1,12 +1,14 @@
-"""A station that plays a result's movement in the 3-D scene, with a time line."""
+"""A station that plays a result's movement in the 3-D scene, with a time line; beside it, in step, that of another result."""
 
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from app.kept_curves import Step, at_other
 from app.live.curve import Curve
 from app.scene.hand_scene import HandScene
 from estimators.errors import InputError
@@ -16,6 +18,22 @@ from estimators.quaternions import Array
 
 TICK = 1 / 60  # s
 SPEEDS = (0.1, 4.0)
+ABOUT_TO = 5.0  # s that a page gets to come and watch
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A movement that is played beside another: from the same task's onset on, or of one recording on its clock."""
+
+    geometry: HandGeometry
+    session: int
+    result: int
+    movement: dict[str, Array]
+    steps: tuple[Step, ...]  # of kept_curves.in_step; none: one clock
+
+    def row(self, t: float) -> int:
+        """The row that belongs to the other's moment t."""
+        return _row(self.movement, at_other(self.steps, t))
 
 
 class Replay:
@@ -23,9 +41,19 @@ class Replay:
 
     kind: Literal["replay"] = "replay"
 
-    def __init__(self, name: str, hand: Hand, geometry: HandGeometry, session: int, result: int, movement: dict[str, Array]) -> None:
+    def __init__(
+        self,
+        name: str,
+        hand: Hand,
+        geometry: HandGeometry,
+        session: int,
+        result: int,
+        movement: dict[str, Array],
+        beside: Beside | None = None,
+    ) -> None:
         self.name, self.session, self.result, self.hand = name, session, result, hand
-        self.scene = HandScene(hand, geometry)
+        self.scene = HandScene(hand, geometry, beside.geometry if beside else None)
+        self.beside = beside
         self.curve = Curve()
         self.playing, self.speed = False, 1.0
         self.t = float(movement["t"][0])
@@ -36,10 +64,10 @@ class Replay:
         self._stop = threading.Event()
 
     def __enter__(self) -> "Replay":
-        angles = self._movement["angles"]
-        known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]
-        children = {joint.child for joint, k in zip(JOINTS, known) if k}
-        self.scene.measured([f for f in FINGERS if CHAINS[f][-1] in children])
+        self.scene.measured(_measured(self._movement))
+        if self.beside:
+            self._measured_beside = _measured(self.beside.movement)
+            self._draw_beside(self.beside, 0)  # ahead is where its recording begins
         self._draw()
         self._thread = threading.Thread(target=self._run, name=f"replay {self.name}", daemon=True)
         self._thread.start()
@@ -54,6 +82,11 @@ class Replay:
     @property
     def ended(self) -> bool:
         return self._stop.is_set()
+
+    @property
+    def taken(self) -> bool:
+        """Whether somebody watches it, or is about to."""
+        return bool(self._viewers) or time.monotonic() - self.used < ABOUT_TO
 
     @property
     def span(self) -> tuple[float, float]:
@@ -87,11 +120,14 @@ class Replay:
             "result": self.result,
             "hand": self.hand,
             "replay": where,
+            "beside": {"session": self.beside.session, "result": self.beside.result, "hand": self.beside.geometry.hand}
+            if self.beside
+            else None,
             "ended": self.ended,
         }
 
     def pulse(self, since: float) -> dict[str, Any]:
-        row = np.degrees(self._movement["angles"][self._row()])
+        row = np.degrees(self._movement["angles"][_row(self._movement, self.t)])
         angles = [
             {"joint": j.name, "angle": ANGLES[a], "deg": round(float(row[k, a]), 1)}
             for k, j in enumerate(JOINTS)
@@ -119,14 +155,29 @@ class Replay:
                 self._draw()
             self._notify()
 
-    def _row(self) -> int:
-        return int(np.clip(np.searchsorted(self._movement["t"], self.t), 0, len(self._movement["t"]) - 1))
-
     def _draw(self) -> None:
-        k = self._row()
+        k = _row(self._movement, self.t)
         self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
+        if self.beside:
+            self._draw_beside(self.beside, self.beside.row(self.t))
         self.scene.flush()
+
+    def _draw_beside(self, other: Beside, k: int) -> None:
+        angles, q_GH = (other.movement[name][k].astype(float) for name in ("angles", "q_GH"))
+        self.scene.show_beside(angles, q_GH, self._measured_beside)
 
     def _notify(self) -> None:
         for notice in list(self._viewers):
             notice()
+
+
+def _row(movement: dict[str, Array], t: float) -> int:
+    return int(np.clip(np.searchsorted(movement["t"], t), 0, len(movement["t"]) - 1))
+
+
+def _measured(movement: dict[str, Array]) -> list[str]:
+    """The fingers of which the last segment is known."""
+    angles = movement["angles"]
+    known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]
+    children = {joint.child for joint, k in zip(JOINTS, known) if k}
+    return [f for f in FINGERS if CHAINS[f][-1] in children]

@@ -8,13 +8,14 @@ from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
-from app.live.replay import Replay
+from app.kept_curves import in_step
+from app.live.replay import Beside, Replay
 from app.live.station import Setup, Station
 from app.options import with_options
 from app.protocols import load_steps, read
 from app.results import load_replay
 from estimators.errors import InputError
-from estimators.hand_geometry import measures_from, sized
+from estimators.hand_geometry import HandGeometry, measures_from, sized
 from estimators.methods import METHODS
 from sessions import records
 from sessions.store import Store
@@ -55,20 +56,23 @@ class Stations:
             self._stations[station.name] = station
             return station
 
-    def open_replay(self, store: Store, result: Result) -> Replay:
-        """A station that replays a result; the same result has one."""
+    def open_replay(self, store: Store, result: Result, other: Result | None = None) -> Replay:
+        """A station that replays a result, another beside it; one that nobody watches is taken, so that every viewer has a time line of his own."""
         session = result.recording.session
+        beside = None if other is None else _beside(store, result, other)
+        wanted = (result.id, other and other.id)
         with self._lock:
             for station in self._stations.values():
-                if isinstance(station, Replay) and station.result == result.id:
+                if (
+                    isinstance(station, Replay)
+                    and not station.taken
+                    and (station.result, station.beside and station.beside.result) == wanted
+                ):
                     station.used = time.monotonic()
                     return station
             self._close_oldest_replays()
-            hand = records.hand_of(session.hand)
-            measures = session.geometry or result.recording.summary.get("geometry") or {}
-            replay = Replay(
-                secrets.token_hex(4), hand, sized(hand, measures_from(measures)), session.id, result.id, load_replay(store, result)
-            )
+            geometry = _geometry(result)
+            replay = Replay(secrets.token_hex(4), geometry.hand, geometry, session.id, result.id, load_replay(store, result), beside)
             replay.__enter__()
             self._stations[replay.name] = replay
             return replay
@@ -117,11 +121,11 @@ class Stations:
     def close_replays(self, sessions: Set[int]) -> None:
         """End every replay of these sessions: they were erased."""
         for station in self.all():
-            if isinstance(station, Replay) and station.session in sessions:
+            if isinstance(station, Replay) and (station.session in sessions or (station.beside and station.beside.session in sessions)):
                 self.close(station.name)
 
     def _close_oldest_replays(self) -> None:
-        replays = sorted((s for s in self._stations.values() if isinstance(s, Replay)), key=lambda s: s.used)
+        replays = sorted((s for s in self._stations.values() if isinstance(s, Replay)), key=lambda s: (s.taken, s.used))
         for replay in replays[: max(0, len(replays) - MOST_REPLAYS + 1)]:
             self._stations.pop(replay.name)
             replay.__exit__(None, None, None)
@@ -155,6 +159,15 @@ def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
         )
 
     return make
+
+
+def _geometry(result: Result) -> HandGeometry:
+    session = result.recording.session
+    return sized(records.hand_of(session.hand), measures_from(session.geometry or result.recording.summary.get("geometry") or {}))
+
+
+def _beside(store: Store, result: Result, other: Result) -> Beside:
+    return Beside(_geometry(other), other.recording.session_id, other.id, load_replay(store, other), in_step(result, other))
 
 
 def _same(a: str, b: str) -> bool:

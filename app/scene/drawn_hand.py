@@ -3,16 +3,18 @@
 Nothing is ever removed, only hidden: viser 1.1.1's page falls over when a skinned mesh is taken away.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 import numpy as np
 from numpy.typing import NDArray
 from viser import MeshSkinnedHandle, ViserServer
 from viser import _messages as wire
 
+from app.scene import palette
 from app.scene.bones import BONE
 from app.scene.palette import Paint
 from app.scene.skinned_mesh import SkinnedMesh
+from estimators.hand_anatomy import FINGERS
 from estimators.quaternions import IDENTITY, Array
 
 _STILL = 1e-6  # a bone that turned less (quaternion components) or moved less (m) than this is not sent again
@@ -67,6 +69,18 @@ class DrawnHand:
         handle = self._handles[part]
         handle.color, handle.opacity = paint.colour, paint.opacity
         handle.cast_shadow = handle.receive_shadow = paint.opacity is None and paint.shaded
+
+    def paint_hand(self, measured: Set[str]) -> None:
+        """Paint a hand's own parts: the measured fingers solid, the others pale."""
+        for finger in FINGERS:
+            self.paint(finger, palette.SKIN if finger in measured else palette.UNMEASURED)
+            self.paint(f"{finger}_nail", palette.NAIL if finger in measured else palette.UNMEASURED)
+        self.paint("palm", palette.SKIN)
+        self.paint("cuff", palette.CUFF)
+
+    def place(self, wrist: tuple[float, float, float]) -> None:
+        """Put the wrist there, scene units."""
+        self._frame.position = wrist
 
     def turn(self, q: Array) -> None:
         """Turn the whole hand about its wrist: q (4,) from the hand's frame to the scene's."""

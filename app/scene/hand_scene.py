@@ -14,6 +14,7 @@ from viser import ClientHandle
 from app.scene import bones, palette, postures, stage, view
 from app.scene.drawn_hand import DrawnHand
 from app.scene.guarded_server import make_server, quiet, renumber
+from app.scene.hand_beside import BESIDE, HandBeside
 from app.scene.hand_mesh import hand_mesh
 from app.scene.highlight_mesh import highlight_parts
 from app.scene.palette import Paint
@@ -31,7 +32,8 @@ _CAPTION_AT = (0.0, 1.85, 0.55)  # above and beyond the hand
 class HandScene:
     """A context manager: `port` and `secret` are what bridge.bridge needs."""
 
-    def __init__(self, hand: Hand, geometry: HandGeometry) -> None:
+    def __init__(self, hand: Hand, geometry: HandGeometry, beside: HandGeometry | None = None) -> None:
+        """`beside`: of a second hand, drawn to the right of this one."""
         assert geometry.hand == hand
         self._hand, self._geometry, self._mesh = hand, geometry, hand_mesh(geometry)
         self._lock = threading.Lock()
@@ -42,11 +44,11 @@ class HandScene:
         self._server, self.secret = make_server()
         self.port: int = self._server.get_port()
         with self._server.atomic():
-            stage.set_up(self._server)
+            stage.set_up(self._server, view.NARROW if beside is None else view.NARROW_PAIR)
             scale = view.units_per_metre(geometry)
             self._own = DrawnHand(self._server, "/hand", self._mesh.parts(), self._mesh.rest, scale)
             self._ghost = DrawnHand(self._server, "/ghost", {}, self._mesh.rest, scale)
-            self._paint()
+            self._own.paint_hand(self._measured)
             self._trail = self._server.scene.add_line_segments(
                 "/trail",
                 np.zeros((view.TRAIL, 2, 3), np.float32),
@@ -58,6 +60,9 @@ class HandScene:
             self._caption = self._server.scene.add_label(
                 "/caption", "", position=_CAPTION_AT, visible=False, font_screen_scale=1.7, anchor="bottom-center"
             )
+            self._beside = None if beside is None else HandBeside(self._server, beside)
+            if beside is not None:
+                self._own.place((-BESIDE, 0.0, 0.0))
             self._draw(self._own, postures.relaxed())
             self._own.turn(self._q_DH)
         self._server.on_client_disconnect(self._renumber)
@@ -89,6 +94,13 @@ class HandScene:
                 if not self._ghost_is_whole:
                     self._ghost.turn(self._q_DH)
 
+    def show_beside(self, angles: Array, q_GH: Array, measured: Iterable[str]) -> None:
+        """Draw the second hand, of which these fingers are measured."""
+        assert self._beside is not None
+        with self._lock, self._server.atomic():
+            self._beside.measured(measured)
+            self._beside.show(angles, q_GH)
+
     def face_ahead(self) -> None:
         """Let the fingers of the next hand shown point away from the viewer: call it when a calibration sets a new heading."""
         with self._lock:
@@ -99,7 +111,7 @@ class HandScene:
         with self._lock, self._server.atomic():
             if self._measured != (wanted := frozenset(fingers)):
                 self._measured = wanted
-                self._paint()
+                self._own.paint_hand(wanted)
 
     def ghost(self, angles: Array | None, whole: bool = False) -> None:
         """Show the pose to take, joint angles (joints, 3) rad, as translucent fingers on the patient's palm; None takes them away.
@@ -158,14 +170,6 @@ class HandScene:
 
     def _draw(self, drawn: DrawnHand, angles: Array) -> None:
         drawn.bend(*bones.pose(postures.filled(angles), self._geometry))
-
-    def _paint(self) -> None:
-        for finger in FINGERS:
-            known = finger in self._measured
-            self._own.paint(finger, palette.SKIN if known else palette.UNMEASURED)
-            self._own.paint(f"{finger}_nail", palette.NAIL if known else palette.UNMEASURED)
-        self._own.paint("palm", palette.SKIN)
-        self._own.paint("cuff", palette.CUFF)
 
     def _ghost_parts(self) -> tuple[str, ...]:
         """Names of the ghost's meshes of the kind wanted; they are sent to viewers when they are first needed."""

@@ -5,8 +5,8 @@ from viser import CameraHandle, ClientHandle, ViserServer
 from app.scene import palette, view
 
 
-def set_up(server: ViserServer) -> None:
-    """Set the camera, a soft light from behind the viewer's left shoulder, and a faint grid below the hand."""
+def set_up(server: ViserServer, narrow: float) -> None:
+    """Set the camera that keeps `narrow` (view.NARROW) in view, a soft light from behind the viewer's left shoulder, and a faint grid below the hand."""
     camera, scene = server.initial_camera, server.scene
     camera.position, camera.look_at, camera.up = view.CAMERA, view.LOOK_AT, (0.0, 0.0, 1.0)
     camera.fov, camera.near, camera.far = view.FIELD_OF_VIEW, view.NEAR, view.FAR
@@ -28,20 +28,19 @@ def set_up(server: ViserServer) -> None:
         shadow_opacity=0.11,
         position=(0.0, 0.0, view.GROUND),
     )
-    server.on_client_connect(_follow)
+
+    async def refit(camera: CameraHandle) -> None:
+        _fit(camera, narrow)
+
+    async def follow(client: ClientHandle) -> None:
+        _fit(client.camera, narrow)
+        client.camera.on_update(refit)
+
+    server.on_client_connect(follow)
 
 
-async def _follow(client: ClientHandle) -> None:
-    _fit(client.camera)
-    client.camera.on_update(_refit)
-
-
-async def _refit(camera: CameraHandle) -> None:
-    _fit(camera)
-
-
-def _fit(camera: CameraHandle) -> None:
+def _fit(camera: CameraHandle, narrow: float) -> None:
     """Widen the view of a narrow window, so that no finger is cut off."""
-    wanted = view.field_of_view(camera.aspect)
+    wanted = view.field_of_view(camera.aspect, narrow)
     if abs(camera.fov - wanted) > 0.002:
         camera.fov = wanted

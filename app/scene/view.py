@@ -17,6 +17,7 @@ CAMERA = np.array([0.0, -3.15, 4.55])
 LOOK_AT = np.array([0.0, 0.46, 0.30])
 FIELD_OF_VIEW = np.radians(28.0)
 NARROW = 0.23  # tangent of half the horizontal field of view that a spread hand needs
+NARROW_PAIR = 0.44  # the same for two hands beside each other
 NEAR, FAR = 0.2, 20.0
 GROUND = -1.35
 TRAIL = 40  # pieces of line that show where the hand has been
@@ -29,9 +30,9 @@ def units_per_metre(geometry: HandGeometry) -> float:
     return PALM / geometry.palm_length
 
 
-def field_of_view(aspect: float) -> float:
-    """The vertical field of view, rad, in which the hand fits a window `aspect` times as wide as high."""
-    return float(max(FIELD_OF_VIEW, 2 * np.arctan(NARROW / max(aspect, 0.1))))
+def field_of_view(aspect: float, narrow: float = NARROW) -> float:
+    """The vertical field of view, rad, in which what needs `narrow` fits a window `aspect` times as wide as high."""
+    return float(max(FIELD_OF_VIEW, 2 * np.arctan(narrow / max(aspect, 0.1))))
 
 
 def palm_down(hand: Hand) -> Array:

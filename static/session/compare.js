@@ -1,6 +1,6 @@
 /** This result beside another: by another method, of the other hand, of another session. */
 import { h } from "../dom.js";
-import { errorBox, select } from "../forms.js";
+import { errorBox, once, select } from "../forms.js";
 import { chooseCurve } from "../plots/curve_sets.js";
 import { progressBar } from "../progress_bar.js";
 import { day, t } from "../words/words.js";
@@ -9,7 +9,7 @@ import { trialsOf } from "./trials.js";
 
 const PAUSE = 500; // ms between two looks at a computation
 
-export function mount(root, api, { session, result }) {
+export function mount(root, api, { session, result, go }) {
   const box = errorBox();
   const body = h("div", {});
   const summary = h("summary", {}, h("h2", {}, t("compare.title")));
@@ -42,11 +42,13 @@ export function mount(root, api, { session, result }) {
     const trial = select(parts, "", { "aria-label": t("compare.trial"), onchange: show });
     const what = chooseCurve(trials[0]?.tapping, show);
     const place = h("div", {});
+    const both = h("button", { hidden: true }, t("compare.both"));
     if (other.options.length < 2) return void body.replaceChildren(h("p", { class: "soft" }, t("compare.nothing")));
-    body.replaceChildren(h("p", { class: "soft" }, t("compare.lead")), h("div", { class: "course-head" }, other, trial, what), place);
+    body.replaceChildren(h("p", { class: "soft" }, t("compare.lead")), h("div", { class: "course-head" }, other, trial, what, both), place);
 
     async function show() {
       const mine = (asked += 1);
+      both.hidden = true;
       if (!other.value) return;
       const [kind, value] = other.value.split(":");
       const alone = kind === "session";
@@ -62,6 +64,9 @@ export function mount(root, api, { session, result }) {
         leave();
         const names = [t("compare.this"), other.selectedOptions[0].textContent.split(":")[0]];
         leave = compared.mount(place, api, { told, what: what.value, names });
+        const address = `/api/results/${result.id}/replay?${new URLSearchParams({ other: id, at: told.offsets[0] })}`;
+        both.onclick = () => once(both, box, async () => go(`/stations/${(await api.post(address)).station}`));
+        both.hidden = false;
       } catch (error) {
         if (mine !== asked) return;
         leave();

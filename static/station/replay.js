@@ -6,11 +6,12 @@ import * as chapterList from "./replay_chapters.js";
 import * as controls from "./replay_controls.js";
 import * as curves from "./replay_curves.js";
 import { makeFocus } from "./replay_focus.js";
-import { t } from "../words/words.js";
+import { day, t } from "../words/words.js";
 
 export function mount(root, api, { station, session, strip }) {
   const box = errorBox();
   const back = `/sessions/${session.id}?result=${station.latest.result}`;
+  const pair = h("p", { class: "pair", hidden: true });
   const places = {
     controls: h("div", { class: "controls" }),
     curves: h("div", { class: "curves" }),
@@ -31,10 +32,13 @@ export function mount(root, api, { station, session, strip }) {
       " ",
       t("replay.keys"),
     ),
+    pair,
     box.element,
     places.chapters,
     places.angles,
   );
+  if (station.latest.beside) namesOf(api, station.latest).then((names) => pair.replaceChildren(...names), box.show);
+  pair.hidden = !station.latest.beside;
   Promise.all([api.get(`/api/results/${station.latest.result}?lean=true`), api.titles().catch(() => new Map())]).then(
     ([result, titles]) => {
       if (gone) return;
@@ -60,4 +64,15 @@ export function mount(root, api, { station, session, strip }) {
     gone = true;
     leave();
   };
+}
+
+/** Which hand is which: the left one in the picture is this session's; by methods where both are of one recording. */
+async function namesOf(api, { session, result, beside, hand }) {
+  const results = await Promise.all([result, beside.result].map((id) => api.get(`/api/results/${id}?lean=true`)));
+  const sessions = await Promise.all([session, beside.session].map((id) => api.get(`/api/sessions/${id}`)));
+  const sides = [hand, beside.hand];
+  const alone = results[0].recording === results[1].recording;
+  const words = (k) =>
+    alone ? t("replay.by_method", results[k]) : t("compare.session", { day: day(sessions[k].started), hand: t(`hand.${sides[k]}.title`) });
+  return ["left", "right"].map((place, k) => h("span", {}, h("strong", {}, t(`replay.on_the_${place}`)), " ", words(k)));
 }

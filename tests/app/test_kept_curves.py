@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.kept_curves import thinned
+from app.kept_curves import LEAD, Step, at_other, thinned
 
 
 def test_thinning_loses_no_peak_and_keeps_the_order() -> None:
@@ -31,3 +31,15 @@ def test_what_is_not_known_stays_so() -> None:
     values = np.where(t < 50, np.nan, 1.0)
     _, (found,) = thinned(t, [values], 100)
     assert np.isnan(found[:48]).all() and (found[52:] == 1.0).all()
+
+
+def test_two_recordings_run_task_by_task_in_step() -> None:
+    steps = (Step(10.0, 100.0, 5.0), Step(20.0, 90.0, 8.0))  # the other did the second task first
+    assert at_other((), 3.7) == 3.7
+    t = np.arange(0.0, 40.0, 0.01)
+    other = np.array([at_other(steps, float(x)) for x in t])
+    for step in steps:
+        inside = (t >= step.onset) & (t <= step.onset + step.length)
+        np.testing.assert_allclose(other[inside] - step.other, t[inside] - step.onset, atol=1e-9)
+    assert other.min() >= 90.0 - LEAD and other.max() <= 105.0 + LEAD
+    assert np.count_nonzero(np.abs(np.diff(other)) > 0.1) == 1  # it jumps once, before the second task

@@ -152,6 +152,10 @@ def test_two_results_stand_on_one_clock(client: TestClient, patient: int, packed
     theirs = upload(client, stranger, packed).json()["result"]
     finished(client, theirs)
     assert "two patients" in client.get(base, params={"other": theirs, **pip}).json()["error"]
+    replay = f"/api/results/{made['result']}/replay"
+    assert "two patients" in client.post(replay, params={"other": theirs}).json()["error"]
+    pair = client.get(f"/api/stations/{client.post(replay, params={'other': another['result'], 'at': 7.0}).json()['station']}").json()
+    assert (pair["beside"], pair["replay"]["t"]) == ({"session": another["session"], "result": another["result"], "hand": "left"}, 7.0)
 
 
 def test_a_trial_is_left_out_with_a_reason_and_taken_back(client: TestClient, patient: int, packed: bytes) -> None:
@@ -182,7 +186,7 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(client: TestClient, pa
 def test_a_replay_moves_along_its_time_line(client: TestClient, patient: int, packed: bytes) -> None:
     result = finished(client, upload(client, patient, packed).json()["result"])
     station = client.post(f"/api/results/{result['id']}/replay").json()["station"]
-    assert client.post(f"/api/results/{result['id']}/replay").json()["station"] == station
+    assert client.post(f"/api/results/{result['id']}/replay").json()["station"] != station  # every viewer has a time line of his own
     told = client.get(f"/api/stations/{station}").json()["replay"]
     assert told["playing"] is False
     moved = client.post(f"/api/stations/{station}/actions", json={"action": "seek", "value": 8.0}).json()["replay"]
