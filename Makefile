@@ -7,7 +7,7 @@ PORT ?= 8420
 export OPENBLAS_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test check tests browser lock bench clean
+.PHONY: run test check tests browser lock bench faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -55,6 +55,19 @@ lock: $(VENV)/runs
 	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements.lock
 	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --extra dev --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-dev.lock
 	printf 'uv\n' | $(BIN)/uv pip compile - --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-uv.lock
+
+# A hundred kills of the server at work; bad input for MINUTES a reader; two hours of a glove at 17 x 200 Hz
+faults: $(VENV)/develops
+	HANDSCOPE_KILLS=100 $(BIN)/pytest tests/faults -s
+
+MINUTES ?= 5
+fuzz: $(VENV)/develops
+	$(BIN)/python -c "import atheris" 2>/dev/null || $(BIN)/python -m pip install --quiet 'atheris>=3,<4'
+	$(BIN)/python -m tests.fuzz.run --seconds $$(( $(MINUTES) * 60 ))
+	HANDSCOPE_API_ROUNDS=$$(( $(MINUTES) * 20 )) $(BIN)/pytest tests/fuzz/test_api.py
+
+soak: $(VENV)/develops
+	HANDSCOPE_SOAK=7200 $(BIN)/pytest tests/faults/test_soak.py -s
 
 clean:
 	rm -rf $(VENV) *.egg-info

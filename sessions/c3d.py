@@ -28,6 +28,7 @@ BROKEN = (
     KeyError,
     LookupError,
     MemoryError,
+    NameError,  # c3d unpacks with a name that it never set, where the processor type is none of the three
     OSError,
     OverflowError,
     TypeError,

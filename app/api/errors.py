@@ -15,6 +15,7 @@ from sessions.full_disk import FULL, is_full
 from sessions.logins import ThrottledError
 from sessions.pseudonyms import UnconfirmedError
 
+TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
 NO_ROOM = 507  # HTTP: insufficient storage
 log = logging.getLogger(__name__)
 
@@ -50,9 +51,15 @@ def install(app: FastAPI) -> None:
             return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
         return JSONResponse({"error": str(error.detail)}, error.status_code, headers=error.headers)
 
+    @app.exception_handler(OverflowError)
+    async def out_of_range(request: Request, error: OverflowError) -> JSONResponse:
+        return JSONResponse({"error": preferred(request).heard(TOO_LARGE)}, 404)
+
     @app.exception_handler(OSError)
     @app.exception_handler(DBAPIError)
     async def unwritten(request: Request, error: Exception) -> JSONResponse:
+        if getattr(getattr(error, "orig", None), "sqlstate", None) == "22003":  # PostgreSQL: numeric value out of range
+            return JSONResponse({"error": preferred(request).heard(TOO_LARGE)}, 404)
         if not is_full(error):
             raise error
         log.error("%s %s: %s", request.method, request.url.path, error)

@@ -144,7 +144,7 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
 @router.patch("/sessions/{session_id}")
 def change_session(db: Db, session_id: int, change: SessionChange) -> dict[str, Any]:
     session = records.get(db, session_id)
-    for name, value in change.model_dump(exclude_unset=True).items():
+    for name, value in change.model_dump(exclude_unset=True, exclude_none=True).items():
         setattr(session, name, value)
     db.commit()
     return session_row(session)

@@ -1,0 +1,262 @@
+"""What is fuzzed: a function of bytes that may refuse them in words (InputError), and good input to begin from.
+
+Anything else that it raises is a finding; so is what takes longer than HANG or writes a file outside its folder.
+"""
+
+import io
+import signal
+import sys
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from cobs import cobs
+
+from app import protocols
+from app.qualisys import BACK, ELBOWS
+from app.qualisys import read_markers as read_table
+from estimators.errors import InputError
+from estimators.hand_anatomy import FINGERS
+from sessions import backup, formats
+from sessions.c3d import read_markers
+from sessions.store import open_store
+from sessions.wire.assembly import Assembler
+from tests.bids import dataset
+from tests.glove import frames, whole_session
+from tests.simulated import cut, in_strips
+
+HANG = 20  # s on a busy machine
+WRITES = 0o3  # flags of os.open that write: O_WRONLY, O_RDWR
+
+
+@dataclass(frozen=True)
+class Target:
+    read: Callable[[bytes, Path], object]  # the bytes, and a folder that it may write to
+    seeds: Callable[[], list[bytes]]
+    refuses: bool = True  # whether it may say InputError at all
+
+
+def wire(data: bytes, folder: Path) -> None:
+    """Bytes of a port, in three chunks."""
+    assembler = Assembler()
+    for k, chunk in enumerate((data[: len(data) // 3], data[len(data) // 3 : len(data) // 2], data[len(data) // 2 :])):
+        for block in assembler.feed(chunk, 10.0 + k):
+            assert len(block.t) and block.values.shape[0] == len(block.t)
+
+
+def payloads(data: bytes, folder: Path) -> None:
+    """Frames whose checksum is right and whose content is anything: the first byte of a piece says how long it is."""
+    sent, k, number = b"", 0, 0
+    while k < len(data):
+        piece, k, number = data[k + 1 : k + 1 + data[k]], k + 1 + data[k], number + 1
+        body = number.to_bytes(2, "little") + piece
+        sent += cobs.encode(body + zlib.crc32(body).to_bytes(4, "little")) + b"\0"
+    wire(sent, folder)
+
+
+def recording(data: bytes, folder: Path) -> None:
+    (folder / "r.mcap").write_bytes(data)
+    formats.load(folder / "r.mcap", "left")
+
+
+def bids(data: bytes, folder: Path) -> None:
+    """A zip as it is uploaded."""
+    (folder / "r.zip").write_bytes(data)
+    formats.load(folder / "r.zip", "left")
+
+
+def bids_files(data: bytes, folder: Path) -> None:
+    """A good zip around files that are anything: name, 0, content, 1 0 1, name ..."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        names = set()
+        for part in data.split(b"\1\0\1"):
+            name, _, content = part.partition(b"\0")
+            if (name_ := name.decode("utf-8", "replace")[:200]) and name_ not in names:
+                names.add(name_)
+                archive.writestr(zipfile.ZipInfo(name_), content)
+    bids(made.getvalue(), folder)
+
+
+def markers(data: bytes, folder: Path) -> None:
+    (folder / "m.c3d").write_bytes(data)
+    read_markers(folder / "m.c3d")
+
+
+def protocol(data: bytes, folder: Path) -> None:
+    (folder / "p").mkdir(exist_ok=True)
+    (folder / "p" / "tapping.json").write_bytes(data)
+    found, faults = protocols.read(folder / "p")
+    assert len(found) + len(faults) == 1
+
+
+def qualisys(data: bytes, folder: Path) -> None:
+    (folder / "m.tsv").write_bytes(data)
+    read_table(folder / "m.tsv")
+
+
+def restored(data: bytes, folder: Path) -> None:
+    (folder / "b.zip").write_bytes(data)
+    backup.restore(folder / "b.zip", folder / "restored")
+
+
+def _sent() -> list[Any]:
+    samples = {name: cut(in_strips("left").samples[name], [20])[0] for name in ("hand", "index", "forearm")}
+    return whole_session(samples)
+
+
+def _framed() -> list[bytes]:
+    return [b"".join(frames([s.message for s in _sent()]))]
+
+
+def _pieces() -> list[bytes]:
+    """The payloads of good frames."""
+    bodies = [cobs.decode(frame[:-1])[2:-4] for frame in frames([s.message for s in _sent()])]
+    return [b"".join(bytes([len(b)]) + b for b in bodies if len(b) < 256)]
+
+
+def _recorded() -> list[bytes]:
+    from sessions.recorder import Recorder
+
+    with tempfile.TemporaryDirectory() as folder:
+        with Recorder(Path(folder) / "r.mcap", {"hand": "left", "geometry": {"hand_length": 0.19}}, 100.0) as recorder:
+            for sent, frame in zip(_sent(), frames([s.message for s in _sent()])):
+                recorder.write(frame, sent.arrival)
+        return [(Path(folder) / "r.mcap").read_bytes()]
+
+
+def _zipped() -> list[bytes]:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in dataset().items():
+            archive.writestr(name, data)
+    return [made.getvalue()]
+
+
+def _joined() -> list[bytes]:
+    return [b"\1\0\1".join(name.encode() + b"\0" + data for name, data in dataset().items())]
+
+
+def _marked() -> list[bytes]:
+    from tests.sessions.test_c3d import places, written
+
+    with tempfile.TemporaryDirectory() as folder:
+        return [written(Path(folder) / "m.c3d", places(5)).read_bytes()]
+
+
+def _exported() -> list[bytes]:
+    names = [*BACK, ELBOWS[0], *(f"{f}_{place}" for f in FINGERS for place in ("middle", "tip"))]
+    head = ["NO_OF_FRAMES\t3", "FREQUENCY\t100", "\t".join(["MARKER_NAMES", *names]), "Frame\tTime\tX\tY\tZ"]
+    rows = ["\t".join(f"{k + 0.1 * j:.3f}" for j in range(2 + 3 * len(names))) for k in range(3)]
+    return ["\n".join([*head, *rows]).encode()]
+
+
+def _tasks() -> list[bytes]:
+    folder = Path(str(protocols.__file__)).parent
+    return [(folder / f"{name}.json").read_bytes() for name in ("tapping", "rom_fist", "kapandji")]
+
+
+def _backed_up() -> list[bytes]:
+    from tests.sessions.test_backup import filled
+
+    with tempfile.TemporaryDirectory() as folder:
+        store = filled(open_store(Path(folder) / "data"))
+        backup.write(store.folder, None, Path(folder) / "b.zip", "1")
+        store.database.kw["bind"].dispose()
+        return [(Path(folder) / "b.zip").read_bytes()]
+
+
+TARGETS = {
+    "wire": Target(wire, _framed, refuses=False),
+    "payloads": Target(payloads, _pieces, refuses=False),
+    "recording": Target(recording, _recorded),
+    "bids": Target(bids, _zipped),
+    "bids_files": Target(bids_files, _joined),
+    "c3d": Target(markers, _marked),
+    "qualisys": Target(qualisys, _exported),
+    "protocol": Target(protocol, _tasks, refuses=False),
+    "backup": Target(restored, _backed_up),
+}
+
+
+@cache
+def seeds(name: str) -> list[bytes]:
+    return TARGETS[name].seeds()
+
+
+def run(name: str, data: bytes) -> bool:
+    """Whether the target took the input; an exception that is no refusal, a hang or a stray file goes on to the caller."""
+    target = TARGETS[name]
+    with tempfile.TemporaryDirectory(prefix="handscope-fuzz-") as folder, _no_longer_than(HANG), writes_within(Path(folder)):
+        try:
+            target.read(data, Path(folder))
+        except InputError as refusal:
+            if not target.refuses or not str(refusal):
+                raise AssertionError("refused without a word") from refusal
+            return False
+    return True
+
+
+class HangError(Exception):
+    """It took too long."""
+
+
+@contextmanager
+def _no_longer_than(seconds: int) -> Iterator[None]:
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise HangError(f"took longer than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+_allowed: list[tuple[Path, ...]] = []  # folders that may be written to now, innermost last
+_strays: list[str] = []
+_listening: list[bool] = []
+OWN = ("__pycache__", "/dev/", "/proc/")
+
+
+@contextmanager
+def writes_within(*folders: Path) -> Iterator[None]:
+    """AssertionError where this process opens, moves or makes a file anywhere else meanwhile; the interpreter's own caches apart."""
+    if not _listening:
+        _listening.append(True)
+        sys.addaudithook(_hear)
+    _strays.clear()
+    _allowed.append(tuple(f.resolve() for f in folders))
+    try:
+        yield
+    finally:
+        _allowed.pop()
+    assert not _strays, f"wrote outside its folder: {_strays[:3]}"
+
+
+def _hear(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _allowed:
+        return
+    if event == "open":
+        path, _, flags = arguments
+        touched = [path] if isinstance(path, (str, bytes)) and (flags or 0) & WRITES else []
+    elif event in ("os.mkdir", "os.remove", "os.rmdir"):
+        touched = [arguments[0]]
+    elif event in ("os.rename", "os.link", "os.symlink"):
+        touched = list(arguments[:2])
+    else:
+        return
+    for path in touched:
+        with suppress(OSError, ValueError, TypeError):
+            place = Path(path.decode() if isinstance(path, bytes) else path).resolve()
+            if not any(place.is_relative_to(f) for f in _allowed[-1]) and not any(own in str(place) for own in OWN):
+                _strays.append(f"{event} {place}")
