@@ -52,3 +52,6 @@ class Calibration:
     p_BS: Mapping[str, Array] = field(default_factory=dict)  # (3,) m, where a sensor sits in its segment's frame, where the method finds it
     acc_bias: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2, where the method finds it
     lengths_sd: Mapping[str, float] = field(default_factory=dict)  # m, of the geometry's lengths that the method found
+    p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
+    gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
+    acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2

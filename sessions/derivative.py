@@ -40,6 +40,7 @@ def calibration_table(c: Calibration) -> dict[str, Any]:
             "q_BS": _plain(q),
             "p_BS": _plain(c.p_BS[s]) if s in c.p_BS else None,
             **({"sd": _plain(c.q_BS_sd[s])} if s in c.q_BS_sd else {}),
+            **({"p_BS_sd": _plain(c.p_BS_sd[s])} if s in c.p_BS_sd else {}),
         }
         for s, q in c.q_BS.items()
     }  # sd: rad about the segment's x, y, z
@@ -54,6 +55,11 @@ def calibration_table(c: Calibration) -> dict[str, Any]:
         "sensor_to_segment": mounting,
         "gyr_bias": {s: _plain(b) for s, b in c.gyr_bias.items()},
         "acc_bias": {s: _plain(b) for s, b in c.acc_bias.items()},
+        **{
+            name: {s: _plain(sd) for s, sd in sds.items()}
+            for name, sds in (("gyr_bias_sd", c.gyr_bias_sd), ("acc_bias_sd", c.acc_bias_sd))
+            if sds
+        },
         "quality": {s: asdict(q) for s, q in c.quality.items()},
         "steps": {step: dict(quality) for step, quality in c.steps.items()},
         "warnings": list(c.warnings),

@@ -62,7 +62,7 @@ def measure(trial: Trial) -> Found:
     began = time.process_time()
     _, read = recordings.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
     guess = first_guess.unknowns(HINGED, Noise(), read)
-    found = solver.learnt(posed(HINGED, Noise(), read, guess.q_GS[0]), guess)
+    found = solver.learnt(posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     seconds = time.process_time() - began
     told = segments.of_solution(found, made.hand, made.mounting)
     at = found.at

@@ -7,7 +7,7 @@ Limits  one finger after the other, each with the hand. How the hand's sensor an
         the nominal mounting holds, so the zero of the MCP and DIP joints' flexion is as good as the mounting; last phalanges' lengths by ratio
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -17,22 +17,26 @@ from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import whole_streams
-from estimators.hand_anatomy import CHAINS, SEGMENT, SEGMENTS, side_sign
+from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, side_sign
 from estimators.hand_geometry import HandGeometry, root_joint
 from estimators.methods import m2
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.run import run
 from estimators.samples import Block, Recording
-from estimators.self_calibration import first_guess, recordings, segments, solver
-from estimators.self_calibration.problem import Noise, Readings, chain, posed
+from estimators.self_calibration import certainty, first_guess, recordings, segments, solver
+from estimators.self_calibration.certainty import Certainty
+from estimators.self_calibration.problem import Noise, Readings, chain, columns, posed
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Limits, Solution
-from estimators.trajectory import Trajectory
+from estimators.trajectory import Flag, Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
 BEGUN = "map is an experiment: fingers are calibrated one after the other (docs/methods.md)"
+
+
+UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +49,21 @@ class Params(salchow.Params, Noise):
     )
     moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
     bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
+    mounting: float = option(
+        5.0,
+        "deg",
+        "how far a sensor may sit off its nominal mounting where no movement tells",
+        "Salchow-Hoemmen 2019, 5: 5 to 10 deg; size ours",
+    )
+    length_guess: float = option(
+        0.05,
+        "1",
+        "how far a length that no movement tells may be off, share of it",
+        "Salchow-Hoemmen 2019, 5: ratios vary by a few percents; size ours",
+    )
+    tracked: float = option(
+        2.0, "deg", "standard deviation that tracking adds before and after the stretch", "docs/reproduction.md, Table 6, m2: 1.8"
+    )
     length_known: float = option(
         0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
     )
@@ -58,6 +77,7 @@ class Finger:
     t: Array  # (n,) s
     solution: Solution
     segments: Segments
+    sure: Certainty
 
 
 def solve(
@@ -83,7 +103,7 @@ def solve(
         raise InputError(said[0] if said else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges")
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
-    return _with_found(tracked, calibration.geometry, fingers), [calibration], said
+    return _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers), [calibration], said
 
 
 def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float]:
@@ -118,8 +138,28 @@ def _calibrated(
         raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; this finger is not calibrated") from None
     _require_movement(params, finger, read)
     guess = first_guess.unknowns(links, noise, read)
-    found = solver.learnt(posed(links, noise, read, guess.q_GS[0]), guess, Limits(), lambda k, cost: _heard(progress, min(0.95, k / 20)))
-    return Finger(finger, t, found, segments.of_solution(found, recording.hand, recording.mounting))
+    found = solver.learnt(
+        posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
+        guess,
+        Limits(),
+        lambda k, cost: _heard(progress, min(0.95, k / 20)),
+    )
+    told = segments.of_solution(found, recording.hand, recording.mounting)
+    sure = certainty.of_finger(
+        found,
+        recording.hand,
+        recording.mounting,
+        np.radians(params.mounting),
+        lambda drawn, luck: _sized(recording.geometry, CHAINS[finger], drawn.lengths, params.length_guess * luck),
+    )
+    return Finger(finger, t, found, told, sure)
+
+
+def _sized(geometry: HandGeometry, chain: Sequence[str], found: Mapping[str, float], off: float) -> HandGeometry:
+    """A hand with these lengths of one finger; the others are off by a share, the last phalanx grows as its finger did."""
+    grown = sum(found.values()) / sum(geometry.lengths[s] for s in found) if found else 1.0
+    rest = {s: geometry.lengths[s] * (1 + off) * (grown if s == chain[-1] else 1.0) for s in chain if s not in found}
+    return replace(geometry, lengths={**geometry.lengths, **found, **rest})
 
 
 def _heard(progress: Callable[[float], None], share: float) -> bool:
@@ -201,8 +241,22 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         warnings=(BEGUN,),
         p_BS={name: p for f in reversed(fingers) for name, p in _places(f, geometry).items()},
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
+        q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
+        p_BS_sd=_first_of(fingers, lambda f: _places_sd(params, f, geometry)),
+        gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
+        acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
         lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if _known(params, f, s)},
     )
+
+
+def _first_of(fingers: Sequence[Finger], known: Callable[[Finger], Mapping[str, Array]]) -> dict[str, Array]:
+    """By segment; of the hand as the first finger has it."""
+    return {s: value for f in reversed(fingers) for s, value in known(f).items()}
+
+
+def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
+    sd = np.sqrt(np.diag(finger.solution.factor.covariance)[where]).reshape(-1, 3)
+    return dict(zip(finger.solution.problem.chain.sensors, sd))
 
 
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
@@ -212,6 +266,13 @@ def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     found["hand"] = found["hand"] + ends - np.array(geometry.joint_positions["middle_mcp"])
     found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, geometry.lengths[last], 0.0])
     return found
+
+
+def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
+    """(3,) m; the last phalanx' is counted from an end that no movement shows."""
+    last = finger.solution.problem.chain.sensors[-1]
+    end = np.array([0.0, params.length_guess * geometry.lengths[last], 0.0])
+    return {**finger.sure.p_BS, last: np.hypot(finger.sure.p_BS[last], end)}
 
 
 def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
@@ -242,6 +303,26 @@ def _with_found(tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[F
     tips = tracked.tips.copy()
     tips[inside] = forward_kinematics.tips(joint_angles.compose(free), geometry)
     return replace(tracked, q_GS=q_GS, angles=angles, tips=tips)
+
+
+def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger]) -> Trajectory:
+    """Standard deviations of the stretch, larger before and after it; fingers that were not calibrated are flagged, nothing is known of them."""
+    angles = np.where(np.isnan(moved.angles), np.nan, UNKNOWN)
+    tips, flags = np.where(np.isnan(moved.tips), np.nan, params.length_guess), moved.flags.copy()
+    outside = (moved.t < max(f.t[0] for f in fingers)) | (moved.t > min(f.t[-1] for f in fingers))
+    drift = np.where(outside, np.radians(params.tracked), 0.0)
+    for finger in fingers:
+        knots, sure, k = finger.t[finger.sure.rows], finger.sure, FINGERS.index(finger.name)
+        for j, a in zip(*np.nonzero(np.isfinite(sure.angles).all(axis=0) & IS_DOF)):
+            angles[:, j, a] = np.hypot(np.interp(moved.t, knots, sure.angles[:, j, a]), drift)
+        reach = sum(finger.segments.lengths.values())
+        for axis in range(3):
+            tips[:, k, axis] = np.hypot(np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach)
+    known = {s for f in fingers for s in f.solution.problem.chain.sensors}
+    for name in SEGMENTS:
+        if name not in known and np.isfinite(moved.q_GS[:, SEGMENT[name], 0]).any():
+            flags[:, SEGMENT[name]] |= np.uint8(Flag.UNCALIBRATED)
+    return replace(moved, angles_sd=angles, tips_sd=tips, flags=flags)
 
 
 def _at(t: Array, known: Array, q: Array) -> Array:

@@ -8,14 +8,14 @@ Source  Kortier, thesis ch. 4, (4.1)-(4.5). Written without loss in fewer unknow
         the sensor's frame, in which the problem is linear (segments.py gives p_BS, q_BS and lengths)
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINTS
+from estimators.hand_anatomy import JOINTS, Hand, side_sign
 from estimators.options import option
 from estimators.quaternions import Array
 
@@ -124,7 +124,9 @@ class Problem:
     turn_sd: Array  # (n-1, S) rad
     acc_sd: Array  # (n, S) m/s^2
     start: Array  # (S, 4) q_GS of the first sample as first believed
-    bent: Array  # (n, J) rad, how far each joint is bent, as it was believed last: it pulls the skin
+    distal: Array  # (S, 3) unit, where the nominal mounting has the segment's distal end, in the sensor's frame
+    flexing: Array  # (S, 3) unit, about what it has the segment flex
+    bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
 
     def __len__(self) -> int:
         return len(self.acc)
@@ -186,8 +188,9 @@ def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: 
     )
 
 
-def posed(chain: Chain, noise: Noise, readings: Readings, start: Array) -> Problem:
-    """The problem of these readings; orientations begin near `start` (S, 4)."""
+def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Hand, mounting: Mapping[str, Array]) -> Problem:
+    """The problem of these readings; orientations begin near `start` (S, 4); `mounting` is the nominal one, q_BS by segment."""
+    to_sensor = quat.conjugate(quat.normalize(np.array([mounting.get(s, quat.IDENTITY) for s in chain.sensors], float)))
     w, dt = readings.gyr, readings.dt
     between = dt * readings.gyr_doubt
     return Problem(
@@ -200,6 +203,8 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array) -> Probl
         noise.gyr * np.sqrt(0.5 * (between[1:] ** 2 + between[:-1] ** 2)),
         noise.acc * readings.acc_doubt,
         start,
+        quat.rotate(to_sensor, side_sign(hand) * np.array([0.0, 1.0, 0.0])),
+        quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0])),
         np.zeros((len(readings), len(chain.joints))),
     )
 
@@ -260,14 +265,25 @@ def tangents(axes: Array) -> Array:
 
 
 def bent(problem: Problem, at: Unknowns) -> Problem:
-    """The same problem with joints bent (n, J) as here: from the straightest posture, about the hinge's axis or the one that the joint turned about most."""
+    """The same problem with joints flexed (n, J) as here: between the bones on either side, a nominal direction where a segment shows none."""
     chain, found = problem.chain, np.empty_like(problem.bent)
     hinge = {int(k): h for h, k in enumerate(chain.hinges)}
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        q_ij = quat.relative(at.q_GS[:, i], at.q_GS[:, j])
-        rotvec = quat.log(quat.multiply(q_ij, quat.conjugate(quat.mean(q_ij))))
-        axis = at.axis_far[hinge[k]] if k in hinge else np.linalg.eigh(rotvec.T @ rotvec)[1][:, -1]
-        angle = rotvec @ axis
-        low, middle, high = np.percentile(angle, [2, 50, 98])
-        found[:, k] = angle - low if high + low >= 2 * middle else high - angle
+        axis = problem.flexing[i]
+        if k in hinge:
+            axis = at.axis_far[hinge[k]] * (1.0 if at.axis_far[hinge[k]] @ axis >= 0 else -1.0)
+        before, behind = quat.rotate(at.q_GS[:, i], _bone(problem, at, int(i))), quat.rotate(at.q_GS[:, j], _bone(problem, at, int(j)))
+        z = quat.rotate(at.q_GS[:, i], axis)
+        side = np.einsum("ni,ni->n", z, np.cross(before, behind))
+        along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum("ni,ni->n", z, behind)
+        found[:, k] = np.arctan2(side, along)
     return replace(problem, bent=found)
+
+
+def _bone(problem: Problem, at: Unknowns, s: int) -> Array:
+    """The distal direction (3,) of a sensor's segment in the sensor's frame."""
+    before, behind = np.flatnonzero(problem.chain.children == s), np.flatnonzero(problem.chain.parents == s)
+    if len(before) != 1 or len(behind) != 1:
+        return np.asarray(problem.distal[s])
+    bone = at.far[behind[0]] - at.near[before[0]]
+    return np.asarray(bone / (np.linalg.norm(bone) + 1e-12))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hand_anatomy import FLEXION, JOINT
 from estimators.methods import BATCH
@@ -61,6 +62,22 @@ def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Proces
         ]  # to the hinges' common axis, y of these sensors: along it a bias that all sensors share is told by no movement of the finger
         np.testing.assert_allclose(found.gyr_bias[name][square], worn.bias[k, :3][square], atol=0.1 * DEG)
         np.testing.assert_allclose(found.acc_bias[name][square], worn.bias[k, 3:6][square], atol=0.05)
+
+
+def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -> None:
+    """Seats, places and angles lie within three of their standard deviations; where a mounting had to be believed, these say so."""
+    moved, truth, found = processed.trajectory, gapped.truth, processed.calibrations[0]
+    assert moved.angles_sd is not None and moved.tips_sd is not None
+    inside = (moved.t > 3.5) & (moved.t < 15.9)
+    for joint, largest in (("index_mcp", 6.0), ("index_pip", 2.0), ("index_dip", 6.0)):
+        off, sd = ((a[inside, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
+        assert np.sqrt(np.mean((off / sd) ** 2)) < 3.0
+        assert sd.max() < largest * DEG
+    for k, name in enumerate(SEGMENTS[1:3], 1):
+        assert (np.abs(quat.log(quat.multiply(found.q_BS[name], quat.conjugate(gapped.sensors.q_BS[k])))) < 3 * found.q_BS_sd[name]).all()
+        assert (np.abs(found.p_BS[name] - gapped.sensors.p_BS[k]) < 3.5 * found.p_BS_sd[name]).all()
+        assert found.p_BS_sd[name].max() < 1e-3
+    assert np.isfinite(moved.tips_sd[:, 1]).all() and moved.tips_sd[inside, 1].max() < 0.02
 
 
 def test_a_hand_that_lay_still_is_told_what_to_do() -> None:

@@ -33,7 +33,7 @@ def cold(recording: Simulated, noise: Noise | None = None) -> tuple[Problem, Unk
     """The problem and where the solver begins from nothing."""
     noise, read = noise or Noise(), readings(recording)
     guess = first_guess.unknowns(HINGED, noise, read)
-    return posed(HINGED, noise, read, guess.q_GS[0]), guess
+    return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
 
 
 def lengths(at: Unknowns) -> Array:

@@ -40,7 +40,7 @@ def _somewhere() -> tuple[Problem, Unknowns]:
         0.01 * skin[1],
         np.array([0.002]),
     )
-    problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1))
+    problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
     return replace(problem, bent=rng.normal(size=(SAMPLES, J))), at
 
 
@@ -92,7 +92,7 @@ def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
     errors = replace(IDEAL, skin_angle=2.0, skin_shift=1.0) if skin else IDEAL
     recording = artificial_finger.recorded(np.random.default_rng(0), errors, duration=10.0)
     read, at, bends = readings(recording), *_truth(recording)
-    problem = replace(posed(HINGED, Noise(acc=1.0), read, at.q_GS[0]), bent=bends)
+    problem = replace(posed(HINGED, Noise(acc=1.0), read, at.q_GS[0], recording.hand, recording.mounting), bent=bends)
     white = residuals.meeting(problem, at, 0, len(problem)).r
     assert np.sqrt((white**2).mean()) < (4e-3 if skin else 5e-4)  # m/s^2: the noise was said to be 1
     apart = np.radians(problem.noise.hinge) * residuals.hinging(problem, at, 0, len(problem)).r

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimators.hand_anatomy import FLEXION, JOINT
 from estimators.self_calibration import normal_equations, posterior, segments, solver
 from estimators.self_calibration.problem import columns
 from estimators.self_calibration.solver import Solution
@@ -112,3 +113,9 @@ def test_it_stops_when_told_to() -> None:
     found = solver.learnt(problem, guess, go_on=lambda k, cost: heard.append(k) or k < 2)
     assert found.outcome == "stopped"
     assert heard == [1, 2]
+
+
+def test_how_far_joints_are_flexed_is_known(with_skin: Solution) -> None:
+    """Between bones, with the sign of the nominal mounting's axis: not from whichever end of its movement a joint is at more often."""
+    angles = recorded(2, DURATION, skin=True).truth.angles[:, [JOINT[j] for j in with_skin.problem.chain.joints], FLEXION]
+    np.testing.assert_allclose(with_skin.problem.bent, angles, atol=np.radians(5.0))  # the skin itself turns by 2

@@ -1,0 +1,84 @@
+"""How sure the seats, the places and the movement of one finger are: everything drawn again as the readings, and the nominal mounting, leave it open.
+
+In      a Solution of one finger, its Segments
+Out     Certainty: standard deviations of seats, places, angles and tip
+Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimators import forward_kinematics, joint_angles
+from estimators import quaternions as quat
+from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+from estimators.self_calibration import posterior, segments
+from estimators.self_calibration.segments import Segments
+from estimators.self_calibration.solver import Solution
+
+DRAWS = 24  # a standard deviation of so many is known within 15 %
+EVERY = 10  # samples from one standard deviation of an angle to the next: they change slowly
+SEATED = 1 << 15  # where the numbers for the mountings' draws begin
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """Standard deviations."""
+
+    q_BS: Mapping[str, Array]  # (3,) rad about the segment's axes
+    p_BS: Mapping[str, Array]  # (3,) m
+    rows: Array  # (m,) samples of the stretch to which the next belong
+    angles: Array  # (m, joints, 3) rad; NaN where it is no joint of this finger
+    tip: Array  # (m, 3) m
+
+
+def of_finger(
+    found: Solution, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float, sized: Callable[[Segments, float], HandGeometry]
+) -> Certainty:
+    """`mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number for what no movement tells of lengths."""
+    rows = np.unique(np.append(np.arange(0, len(found.problem), EVERY), len(found.problem) - 1))
+    best = _thinned(found, rows)
+    told = segments.of_solution(best, hand, mounting)
+    others = list(_drawn(best, found, rows, hand, mounting, mounting_sd))
+    angles, tip = _moved(told, sized(told, 0.0))
+    moved = [_moved(other, sized(other, luck)) for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))]
+    return Certainty(
+        {s: _spread([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others]) for s, q in told.q_BS.items()},
+        {s: _spread([o.p_BS[s] - p for o in others]) for s, p in told.p_BS.items()},
+        rows,
+        _spread([a - angles for a, _ in moved]),
+        _spread([t - tip for _, t in moved]),
+    )
+
+
+def _drawn(
+    best: Solution, found: Solution, rows: Array, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float
+) -> Sequence[Segments]:
+    others = []
+    for k, at in enumerate(posterior.draws(found.problem, found.at, found.factor, DRAWS)):
+        turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
+        seated = {s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float)) for s, turn in zip(SEGMENTS, turns)}
+        others.append(segments.of_solution(replace(best, at=replace(at, q_GS=at.q_GS[rows])), hand, seated))
+    return others
+
+
+def _thinned(found: Solution, rows: Array) -> Solution:
+    return replace(found, at=replace(found.at, q_GS=found.at.q_GS[rows]), problem=replace(found.problem, bent=found.problem.bent[rows]))
+
+
+def _moved(told: Segments, geometry: HandGeometry) -> tuple[Array, Array]:
+    """Angles (m, joints, 3) and the finger's tip (m, 3), free of limits."""
+    m = len(told.q_GB["hand"])
+    q_GS = np.full((m, len(SEGMENTS), 4), np.nan)
+    for name, q in told.q_GB.items():
+        q_GS[:, SEGMENT[name]] = q
+    angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
+    finger = next(k for k, f in enumerate(FINGERS) if CHAINS[f][0] in told.q_GB)
+    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, finger]
+
+
+def _spread(off: Sequence[Array]) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(off), axis=0)))
