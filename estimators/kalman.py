@@ -1,7 +1,7 @@
 """What measurements tell of a filter's errors, for one row of a kernel.
 
 In      covariance P (e, e) of the errors, changed in place; what each measurement missed (m,), its Jacobian H (m, e), their noise (m, m)
-Out     the change of the errors' means (e,)
+Out     the change of the errors' means (e,); returned: what was missed squared by its covariance, missed' S^-1 missed
 Source  Kortier, thesis (2.14), (2.15), written with the Cholesky factor of the innovation's covariance: P stays symmetric to the last bit
 """
 
@@ -14,7 +14,7 @@ from estimators.quaternions import Array
 
 
 @inlined
-def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> None:
+def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> float:
     """With S = H P H' + noise = L L', W = L^-1 H P and y = L^-1 missed the gain K gives K missed = W' y and K H P = W' W.
 
     Measurements that are not used have rows of zeros; of the others only what is not zero is gone through, and of P one half.
@@ -44,6 +44,7 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> N
             for k in range(j):
                 s -= L[i, k] * L[j, k]
             L[i, j] = math.sqrt(s) if i == j else s / L[j, j]
+    total = 0.0
     for i in range(n):
         y[i] = missed[used[i]]
         for j in range(i):
@@ -52,6 +53,7 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> N
                 for k in range(e):
                     W[i, k] -= L[i, j] * W[j, k]
         y[i] /= L[i, i]
+        total += y[i] * y[i]
         for k in range(e):
             W[i, k] /= L[i, i]
             change[k] += W[i, k] * y[i]
@@ -62,3 +64,4 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> N
     for k in range(e):
         for c in range(k):
             P[c, k] = P[k, c]
+    return total

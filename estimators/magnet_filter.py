@@ -1,10 +1,14 @@
 """The arithmetic of magnet_tracking.py for one sample after the other, compiled: time update, magnetic and inertial updates, search for a lost magnet.
 
-State   x (26,): p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg; P (24, 24) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg], R = R^ (1 + [dth]x)
-Source  Kortier, thesis ch. 5, (5.2)-(5.22). Updates go component by component, which is the same as all at once; the magnetic one is iterated (Bell &
-        Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from linear where the place is not well known
+State   x (32 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, then what was told before and is not exact: the magnet's moment
+        and place on the target, what each calibration left (b, T), the magnetometers' places; P (30 + 6 L, 30 + 6 L) of the error
+        [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, dm, dp_tm, dc_1.., dp_b1..], R = R^ (1 + [dth]x)
+Source  Kortier, thesis ch. 5, (5.2)-(5.22). The magnetic update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is
+        far from linear where the place is not well known
 Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
-        trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss)
+        trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss).
+        His 24 errors take moment, places and calibrations for exact: an error of theirs lasts, and white noise in its place makes the filter either
+        too sure or too careful
 """
 
 import math
@@ -14,11 +18,15 @@ import numpy as np
 
 from estimators.compiled import inlined
 from estimators.dipole import MU0_4PI
+from estimators.kalman import correct
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG = (3 * k for k in range(8))  # rows of the error
+OWN = 24  # errors of trunk and hand; behind them what does not move
+MOM, LEV, LEFT = 24, 27, 30  # moment, its place, calibrations; the magnetometers' places follow
 XQ, XB, XTG, XTA, XGB, XBG = 6, 10, 13, 16, 19, 23  # rows of the state behind p and v
+XM = 26  # where the state's rows of MOM begin
 ITERATIONS = 6
 GRID = 10  # places searched along each axis of the volume
 EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
@@ -32,10 +40,8 @@ class Sizes(NamedTuple):
     acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
     mag: float  # T
     mag_left: float  # T
-    share: float  # of the magnet's field
-    place: float  # m
+    left_alike: float  # rad
     alike: float  # s
-    left_alike: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
     field_walk: float  # T/sqrt(s)
@@ -132,6 +138,8 @@ def turned(q: Array, by: Array, left: bool) -> Array:
 def moved(x: Array, dx: Array) -> Array:
     """The state with an error put in. (5.3)"""
     out = x.copy()
+    for i in range(OWN, len(dx)):
+        out[XM + i - OWN] += dx[i]
     for i in range(3):
         out[i] += dx[P_ + i]
         out[3 + i] += dx[V_ + i]
@@ -200,14 +208,26 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
 
 
 @inlined
-def widened(s: Sizes, P: Array, F: Array, dt: float, rough: float) -> None:
-    """The covariance dt later, in place; `rough` multiplies the noise of sensors that did not answer. (5.6)"""
-    carried = np.empty((24, 24))
+def widened(s: Sizes, P: Array, F: Array, dt: float, turned: float, rough: float) -> None:
+    """The covariance dt later, the base `turned` (rad), in place; `rough` multiplies the noise of sensors that did not answer. (5.6)"""
+    carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
-    put(carried, P)
+    product(F, P[:OWN, OWN:], across)
+    kept = math.exp(-turned / s.left_alike)
+    first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT) // 2  # of the calibrations: they change as the trunk turns
+    for j in range(len(P) - OWN):
+        share = kept if first <= j < last else 1.0
+        for i in range(OWN):
+            P[i, OWN + j] = P[OWN + j, i] = share * across[i, j]
+        if share < 1.0:
+            for k in range(OWN, len(P)):
+                P[OWN + j, k] *= share
+                P[k, OWN + j] *= share
+            P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
+    put(carried, P[:OWN, :OWN])
     gyr, acc = rough * s.gyr * s.gyr, rough * 2 * s.acc * s.acc + s.acc_slow * s.acc_slow
-    for i in range(24):  # the base's gyroscope moves p, v and both orientations by the same error
-        for j in range(24):
+    for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
+        for j in range(OWN):
             for k in range(3):
                 a = F[i, BBG + k] if i < BBG else 0.0
                 b = F[j, BBG + k] if j < BBG else 0.0
@@ -227,32 +247,41 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, rough: float) -> None:
 @inlined
 def corrected(P: Array, dx: Array, H: Array, e: float, variance: float) -> float:
     """One scalar measurement e = H dx + noise: dx and P in place; gives the normalised innovation squared. (5.5)"""
-    PH = np.zeros(24)
-    for j in range(24):
+    size = len(dx)
+    PH = np.zeros(size)
+    for j in range(size):
         if H[j] != 0.0:
-            for i in range(24):
+            for i in range(size):
                 PH[i] += P[i, j] * H[j]
     S, left = variance, e
-    for i in range(24):
+    for i in range(size):
         S += H[i] * PH[i]
         left -= H[i] * dx[i]
-    for i in range(24):
+    for i in range(size):
         K = PH[i] / S
         dx[i] += K * left
-        for j in range(24):
+        for j in range(size):
             P[i, j] -= K * PH[j]
     return left * left / S
 
 
 @inlined
-def seen(x: Array, place: Array, moment: Array, lever: Array, H: Array, B_m: Array) -> Array:
-    """What a magnetometer at `place` reads in the base's axes (3,), its derivative H (3, 24), the magnet's own part B_m. (5.7)-(5.15), (5.24)"""
+def magnetometers(x: Array) -> int:
+    """How many a state has."""
+    return (len(x) - XM - 6) // 6
+
+
+@inlined
+def seen(x: Array, k: int, H: Array) -> Array:
+    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
     R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
+    moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
+    left, place = XM + 6 + 3 * k, XM + 6 + 3 * (magnetometers(x) + k)
     m, arm = times(R, moment), times(R, lever)
     B_b: Array = back(R_gb, x[XB : XB + 3])
     r = np.empty(3)
     for i in range(3):
-        r[i] = x[i] + arm[i] - place[i]
+        r[i] = x[i] + arm[i] - x[place + i]
     square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
     along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
     k5 = MU0_4PI / square**2.5
@@ -265,10 +294,13 @@ def seen(x: Array, place: Array, moment: Array, lever: Array, H: Array, B_m: Arr
         D[i, i] += 3 * k5 * along
     own = times(J, m)
     for i in range(3):
-        B_m[i] = own[i]
-        for j in range(24):
+        for j in range(H.shape[1]):
             H[i, j] = 0.0
+        H[i, OWN + left - XM + i] = 1.0
     block(1.0, D, 0, P_, H)
+    block(-1.0, D, 0, OWN + place - XM, H)
+    block(1.0, chained(J, R), 0, MOM, H)
+    block(1.0, chained(D, R), 0, LEV, H)
     by_lever, by_moment = chained(D, chained(R, skew(lever))), chained(J, chained(R, skew(moment)))
     for i in range(3):
         for j in range(3):
@@ -276,49 +308,36 @@ def seen(x: Array, place: Array, moment: Array, lever: Array, H: Array, B_m: Arr
     block(1.0, transposed(R_gb), 0, B_, H)
     block(1.0, skew(B_b), 0, THG, H)
     for i in range(3):
-        B_b[i] += B_m[i]
+        B_b[i] += own[i] + x[left + i]
     return B_b
 
 
 @inlined
-def unsure(s: Sizes, x: Array, place: Array, lever: Array, B_m: Array, slow: float) -> float:
-    """Variance of a magnetometer's axis: noise, and `slow` times what stays alike: calibration, moment and places. T^2"""
-    arm = times(matrix(x[XQ : XQ + 4]), lever)
-    square = 1e-4
-    strength = 0.0
-    for i in range(3):
-        square += (x[i] + arm[i] - place[i]) ** 2
-        strength += B_m[i] ** 2
-    longer = slow if slow == 1.0 else slow * s.left_alike / s.alike
-    return s.mag**2 + longer * s.mag_left**2 + slow * (s.share**2 + 9 * s.place**2 / square) * strength
-
-
-@inlined
-def magnetic(
-    s: Sizes, x: Array, P: Array, start: Array, mag: Array, places: Array, moment: Array, lever: Array, slow: float, grown: float
-) -> tuple[Array, Array, float]:
-    """Iterated update from the linearisation at x moved by `start`: error (24,), covariance, cost."""
+def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Iterated update from the linearisation at x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading)."""
     dx, C, cost = start.copy(), P, 0.0
-    H, B_m = np.zeros((3, 24)), np.zeros(3)
+    rows = 3 * len(mag)
+    H, h, missed, noise, new = np.zeros((rows, len(dx))), np.zeros((3, len(dx))), np.zeros(rows), np.zeros((rows, rows)), np.empty(len(dx))
     for iteration in range(ITERATIONS):
         at = moved(x, dx)
-        new, cost = np.zeros(24), 0.0
-        C = P.copy()
-        for k in range(len(places)):
-            if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
-                continue
-            h = seen(at, places[k], moment, lever, H, B_m)
-            variance = grown * unsure(s, at, places[k], lever, B_m, slow)
+        for k in range(len(mag)):
+            reads = seen(at, k, h)
+            there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
             for i in range(3):
-                e = mag[k, i] - h[i]
-                for j in range(24):
-                    e += H[i, j] * dx[j]
-                cost += corrected(C, new, H[i], e, variance) + math.log(variance)
+                row = 3 * k + i
+                noise[row, row], missed[row] = 1.0, 0.0
+                for j in range(len(dx)):
+                    H[row, j] = h[i, j] if there else 0.0
+                if there:
+                    noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i]
+                    for j in range(len(dx)):
+                        missed[row] += h[i, j] * dx[j]
+        C = P.copy()
+        cost = correct(C, missed, H, noise, new)
         change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
-        if iteration < ITERATIONS - 1 and change > 0.1:  # a long step over a field that bends leads astray
-            for i in range(24):
-                new[i] = dx[i] + (new[i] - dx[i]) * 0.1 / change
-        dx = new
+        share = 0.1 / change if iteration < ITERATIONS - 1 and change > 0.1 else 1.0  # a long step over a field that bends leads astray
+        for i in range(len(dx)):
+            dx[i] += share * (new[i] - dx[i])
         if change < 0.002:
             break
     return dx, C, cost
@@ -332,13 +351,14 @@ def spaced(k: int) -> float:
 
 
 @inlined
-def searched(s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array, centre: Array, slow: float) -> Array:
-    """The error (24,) of which only the place is not zero: where in the volume the readings fit best."""
-    best, lowest, where = np.zeros(24), math.inf, np.zeros(3)
+def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
+    """The error of which only the place is not zero: where in the volume the readings fit best."""
+    best, lowest, where = np.zeros(len(P)), math.inf, np.zeros(3)
     R = matrix(x[XQ : XQ + 4])
-    m, arm, B_b = times(R, moment), times(R, lever), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    m, arm, B_b = times(R, x[XM : XM + 3]), times(R, x[XM + 3 : XM + 6]), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    first = XM + 6 + 3 * len(mag)
     tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
-    fixed = s.mag**2 + slow * s.mag_left**2 + P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
+    fixed = s.mag**2 + s.mag_left**2 + P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
     for a in range(GRID):
         where[0] = centre[0] + s.reach * spaced(a)
         for b in range(GRID):
@@ -346,16 +366,16 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Ar
             for c in range(GRID):
                 where[2] = centre[2] + s.reach * spaced(c)
                 cost = 0.0
-                for k in range(len(places)):
+                for k in range(len(mag)):
                     if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
                         continue
                     square, along, strength, missed = 1e-4, 0.0, 0.0, 0.0
                     for i in range(3):
-                        r = where[i] + arm[i] - places[k, i]
+                        r = where[i] + arm[i] - x[first + 3 * k + i]
                         square += r * r
                         along += r * m[i]
                     for i in range(3):
-                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - places[k, i]) - square * m[i]) / square**2.5
+                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - x[first + 3 * k + i]) - square * m[i]) / square**2.5
                         strength += own * own
                         missed += (mag[k, i] - B_b[i] - own) ** 2
                     variance = fixed + (tilt + 0.25) * strength  # half the field: between the points of the grid

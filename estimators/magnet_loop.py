@@ -20,6 +20,7 @@ from estimators.magnet_filter import (
     V_,
     XBG,
     XGB,
+    XM,
     XQ,
     XTA,
     XTG,
@@ -27,19 +28,21 @@ from estimators.magnet_filter import (
     back,
     corrected,
     magnetic,
+    magnetometers,
     matrix,
     moved,
     searched,
     seen,
     skew,
     stepped,
-    unsure,
     widened,
 )
+from estimators.kalman import correct
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
+STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 MEMORY = 0.5  # s over which surprises are averaged
 LOST = 16.0  # mean normalised innovation squared at which the place is given up
 TURN_LOST = 20 * math.pi / 180
@@ -50,7 +53,7 @@ SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it i
 def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
     """Where the hand is and how fast is not known any more; how it is turned is less sure."""
     for i in range(6):
-        for j in range(24):
+        for j in range(len(P)):
             P[i, j] = P[j, i] = 0.0
     for i in range(3):
         P[P_ + i, P_ + i], P[V_ + i, V_ + i] = s.reach**2 / 3, s.reach_speed**2
@@ -59,45 +62,52 @@ def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
 
 
 @inlined
-def surprise(s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array) -> float:
-    """Mean normalised innovation squared of the magnetometers' axes, by what a single reading may be off; negative where none answered."""
-    H, B_m, total, count = np.zeros((3, 24)), np.zeros(3), 0.0, 0
-    for k in range(len(places)):
-        if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
-            continue
-        h = seen(x, places[k], moment, lever, H, B_m)
-        variance = unsure(s, x, places[k], lever, B_m, 1.0)
+def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
+    """Normalised innovation squared of the magnetometers' axes, a degree of freedom; negative where none answered."""
+    rows, count = 3 * len(mag), 0
+    H, h, missed, noise = np.zeros((rows, len(P))), np.zeros((3, len(P))), np.zeros(rows), np.zeros((rows, rows))
+    for k in range(len(mag)):
+        reads = seen(x, k, h)
+        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+        count += 3 * there
         for i in range(3):
-            S = variance
-            for a in range(24):
-                if H[i, a] != 0.0:
-                    for b in range(24):
-                        S += H[i, a] * P[a, b] * H[i, b]
-            total += (mag[k, i] - h[i]) ** 2 / S
-            count += 1
-    return total / count if count else -1.0
+            row = 3 * k + i
+            noise[row, row], missed[row] = s.mag**2, mag[k, i] - reads[i] if there else 0.0
+            for j in range(len(P)):
+                H[row, j] = h[i, j] if there else 0.0
+    return correct(P.copy(), missed, H, noise, np.empty(len(P))) / count if count else -1.0
 
 
 @inlined
-def heard(
-    s: Sizes, x: Array, P: Array, mag: Array, places: Array, moment: Array, lever: Array, centre: Array, slow: float, grown: float
-) -> Array:
+def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
-    start = np.zeros(24)
-    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2 and len(places) > 1:  # one alone is explained by many places
-        # which place is right is told by a single reading, for which what stays alike is off by no more than it is
-        here, _, cost = magnetic(s, x, P, start, mag, places, moment, lever, 1.0, 1.0)
-        there = searched(s, x, P, mag, places, moment, lever, centre, 1.0)
-        there, _, less = magnetic(s, x, P, there, mag, places, moment, lever, 1.0, 1.0)
-        start = there if less < cost - EVIDENCE else here
-        if less < cost - EVIDENCE:  # what led astray would lead back: readings count for less below
+    start = np.zeros(len(P))
+    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2 and magnetometers(x) > 1:  # one alone is explained by many places
+        here, _, cost = magnetic(s, x, P, start, mag, 1.0)
+        there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0)
+        start = here
+        if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
-            start, grown = np.zeros(24), 1.0
-    dx, C, _ = magnetic(s, x, P, start, mag, places, moment, lever, slow, grown)
-    put(C, P)
+            start, grown = np.zeros(len(P)), 1.0
+    dx, C, _ = magnetic(s, x, P, start, mag, grown)
     out: Array = moved(x, dx)
+    if not straight(out, C):  # the field bends over what is not known: standard deviations from its slope would say nothing
+        return x
+    put(C, P)
     return out
+
+
+@inlined
+def straight(x: Array, P: Array) -> bool:
+    """Whether the place is known better than a share of its distance from the nearest magnetometer."""
+    nearest, many = math.inf, magnetometers(x)
+    for k in range(many):
+        first, square = XM + 6 + 3 * (many + k), 0.0
+        for i in range(3):
+            square += (x[i] - x[first + i]) ** 2
+        nearest = min(nearest, square)
+    return P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest
 
 
 @inlined
@@ -111,7 +121,7 @@ def clear(H: Array) -> None:
 @inlined
 def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, dt: float) -> Array:
     """Accelerometers that read gravity (5.16), accelerations in common (5.17), standstill (5.18), volume. In place; gives the state."""
-    dx, H = np.zeros(24), np.zeros((3, 24))
+    dx, H = np.zeros(len(P)), np.zeros((3, len(P)))
     R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
     up = np.zeros(3)
     up[2] = s.gravity
@@ -165,24 +175,25 @@ def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: b
 @inlined
 def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
     """An arm is not endless and not endlessly fast: where the magnet does not tell, this keeps the filter in its volume. (5.18)"""
-    dx, H, before = np.zeros(24), np.zeros(24), P.copy()
+    size, before = len(P), P.copy()
+    dx, H = np.zeros(size), np.zeros(size)
     outside = False
     for i in range(3):
         outside = outside or abs(x[i] - centre[i]) > s.reach
     for i in range(3):
         if P[P_ + i, P_ + i] > s.reach**2 / 3:
-            for j in range(24):
+            for j in range(size):
                 H[j] = 0.0
             H[P_ + i] = 1.0
             corrected(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
         if outside or P[V_ + i, V_ + i] > s.reach_speed**2:
-            for j in range(24):
+            for j in range(size):
                 H[j] = 0.0
             H[V_ + i] = 1.0
             corrected(P, dx, H, -x[3 + i], (0.1 if outside else s.reach_speed) ** 2 * s.alike / dt)
-    for i in range(6, 24):  # a wish, no measurement: orientations and biases do not learn from it
+    for i in range(6, size):  # a wish, no measurement: nothing but place and velocity learns from it
         dx[i] = 0.0
-        for j in range(6, 24):
+        for j in range(6, size):
             P[i, j] = before[i, j]
     out: Array = moved(x, dx)
     return out
@@ -191,9 +202,6 @@ def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
 @looped
 def followed(
     s: Sizes,
-    places: Array,
-    moment: Array,
-    lever: Array,
     centre: Array,
     x: Array,
     P: Array,
@@ -207,7 +215,7 @@ def followed(
     variances: Array,
     moods: Array,
 ) -> Array:
-    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, 26), variances (n, 24),
+    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, ...), variances (n, ...),
     surprise (n,). P, mood and `before` (the last good readings) in place; gives the state."""
     F, now = np.zeros((24, 24)), np.zeros(12)
     for n in range(len(samples)):
@@ -222,18 +230,19 @@ def followed(
                 P[THG + i, THG + i] += TURN_LOST**2
         elif dt > 0:
             x = stepped(s, x, before, now, dt, F)
-            widened(s, P, F, dt, rough)
+            turned = math.sqrt((now[0] - x[XBG]) ** 2 + (now[1] - x[XBG + 1]) ** 2 + (now[2] - x[XBG + 2]) ** 2) * dt
+            widened(s, P, F, dt, turned, rough)
         for i in range(12):
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        told = surprise(s, x, P, mags[n], places, moment, lever)
+        told = surprise(s, x, P, mags[n])
         if told >= 0:
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
-            x = heard(s, x, P, mags[n], places, moment, lever, centre, max(1.001, s.alike / since), max(1.0, mood[SURPRISE] / s.doubt))
+            x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt))
             if wide:  # before it was found nothing could be expected
-                told = surprise(s, x, P, mags[n], places, moment, lever)
+                told = surprise(s, x, P, mags[n])
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(told, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:
@@ -244,12 +253,12 @@ def followed(
         if rough < 2.0:
             x = vertical(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, step)
         x = bounded(s, x, P, centre, step)
-        for i in range(24):
+        for i in range(len(P)):
             for j in range(i):
                 mean = 0.5 * (P[i, j] + P[j, i])
                 P[i, j] = P[j, i] = mean
             variances[n, i] = P[i, i] * max(1.0, mood[SURPRISE] / s.doubt)
-        for i in range(26):
+        for i in range(len(x)):
             states[n, i] = x[i]
         moods[n] = mood[SURPRISE]
     return x
