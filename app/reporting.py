@@ -35,6 +35,8 @@ def report(store: Store, result: Result) -> Content:
     visit = Visit(
         patient=patient.pseudonym,
         date=session.started,
+        recorded_as=session.recorded_as,
+        date_reason=session.date_reason,
         examiner=session.examiner,
         dominant=records.hand_of(patient.dominant_hand) if patient.dominant_hand else None,
         affected=cast(Literal["left", "right", "both"] | None, patient.affected_hand),

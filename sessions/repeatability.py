@@ -187,6 +187,14 @@ def _corrected(mapper: Mapper[Correction], connection: object, correction: Corre
         db.info.setdefault(CORRECTED, set()).add(correction.recording_id)
 
 
+@event.listens_for(PatientSession, "after_update")
+def _dated(mapper: Mapper[PatientSession], connection: object, visit: PatientSession) -> None:
+    """What was measured again within a day, and what came before, goes by the date."""
+    db = object_session(visit)
+    if db is not None and inspect(visit).attrs.started.history.has_changes():
+        db.info.setdefault(CORRECTED, set()).update(f.id for f in visit.recordings)
+
+
 @event.listens_for(Result, "after_delete")
 def _removed(mapper: Mapper[Result], connection: object, result: Result) -> None:
     _mark(result)

@@ -83,10 +83,15 @@ class PatientSession(Base):
     hand: Mapped[str] = mapped_column(String(5))
     state: Mapped[str] = mapped_column(String(16), default="open", index=True)  # open (being recorded), recorded, processed, failed
     started: Mapped[datetime] = mapped_column(default=now)
+    recorded_as: Mapped[datetime | None]  # what the clock said, where it was wrong and `started` was corrected
+    date_reason: Mapped[str] = mapped_column(default="", server_default="")  # of that correction
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
     notes: Mapped[str] = mapped_column(default="")
     geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
+    version: Mapped[int] = mapped_column(
+        default=1, server_default="1"
+    )  # counts what people changed (sessions/visit_facts.py), nothing else
 
     patient: Mapped[Patient] = relationship(back_populates="sessions")
     recordings: Mapped[list["RecordingFile"]] = relationship(

@@ -3,6 +3,7 @@
 import os
 import tempfile
 from collections.abc import AsyncIterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.methods import METHODS
 from estimators.options import describe
-from sessions import corrections, dates, native, patients, records, results
+from sessions import corrections, dates, native, patients, records, results, visit_facts
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
@@ -39,8 +40,11 @@ class NewSession(BaseModel):
 class SessionChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    notes: str | None = Field(None, max_length=20_000)
+    version: int = Field(description="the version that was seen; somebody else's change meanwhile is refused")
+    notes: str | None = Field(None, max_length=visit_facts.LONGEST)
     examiner: str | None = Field(None, max_length=200)
+    started: datetime | None = Field(None, description="the true date, where the clock was wrong; what the clock said is kept")
+    date_reason: str = Field("", max_length=1000, description="why the date is another")
 
 
 class NewCorrection(BaseModel):
@@ -143,11 +147,8 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
 
 @router.patch("/sessions/{session_id}")
 def change_session(db: Db, session_id: int, change: SessionChange) -> dict[str, Any]:
-    session = records.get(db, session_id)
-    for name, value in change.model_dump(exclude_unset=True, exclude_none=True).items():
-        setattr(session, name, value)
-    db.commit()
-    return session_row(session)
+    """Notes, examiner, date; refused with 409 where somebody else changed the session meanwhile."""
+    return session_row(visit_facts.change(db, session_id, **change.model_dump(exclude_unset=True, exclude_none=True)))
 
 
 @router.post("/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)])
@@ -195,6 +196,9 @@ def session_row(s: PatientSession) -> dict[str, Any]:
         "hand": s.hand,
         "state": s.state,
         "started": s.started,
+        "recorded_as": s.recorded_as,
+        "date_reason": s.date_reason,
+        "version": s.version,
         "finished": s.finished,
         "examiner": s.examiner,
         "notes": s.notes,

@@ -35,6 +35,8 @@ class Visit:
 
     patient: str  # pseudonym, never a name
     date: datetime | None = None  # aware; None = the recording's own start
+    recorded_as: datetime | None = None  # what the clock said, where the date was corrected
+    date_reason: str = ""
     examiner: str = ""
     dominant: Hand | None = None
     affected: Literal["left", "right", "both"] | None = None

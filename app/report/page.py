@@ -87,7 +87,7 @@ def _facts(content: Content, language: Language) -> list[list[str]]:
     return [
         [say("fact.patient"), visit.patient, ""],
         [say("fact.hand"), say(f"hand.{content.hand}"), ", ".join(w for w in (say(f"side.{side}") if side else "", dominance) if w)],
-        [say("fact.session"), _day(content, language), language.hour(content.date) if content.date else ""],
+        [say("fact.session"), _day(content, language), _hour(content, language)],
         [say("fact.examiner"), visit.examiner or say("not_given"), ""],
         [
             say("fact.glove"),
@@ -95,6 +95,15 @@ def _facts(content: Content, language: Language) -> list[list[str]]:
             say("firmware", version=source["firmware"]) if source.get("firmware") else "",
         ],
     ]
+
+
+def _hour(content: Content, language: Language) -> str:
+    """The hour; and what the clock said where the date was corrected."""
+    visit, hour = content.visit, language.hour(content.date) if content.date else ""
+    if visit.recorded_as is None:
+        return hour
+    said = language.say("fact.session.corrected", day=language.short_day(visit.recorded_as), hour=language.hour(visit.recorded_as))
+    return f"{hour}; {said} ({visit.date_reason})"
 
 
 def _day(content: Content, language: Language) -> str:

@@ -101,6 +101,8 @@ def _session(content: Content) -> dict[str, Any]:
         "affected": visit.affected,
         "date": content.date.isoformat() if content.date else None,
         "examiner": visit.examiner,
+        "recorded_as": visit.recorded_as.isoformat() if visit.recorded_as else None,
+        "date_reason": visit.date_reason,
         "notes": visit.notes,
         "software": content.software,
     }

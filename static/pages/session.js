@@ -1,9 +1,11 @@
 /** A session: while it runs, while it is processed, then its numbers. `?result=` names one of several results. */
 import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
+import { makeRecord } from "../patient/record.js";
 import * as again from "../session/again.js";
 import * as changes from "../session/changes.js";
 import * as compare from "../session/compare.js";
+import * as dating from "../session/dating.js";
 import * as downloads from "../session/downloads.js";
 import * as measures from "../session/measures.js";
 import * as notes from "../session/notes.js";
@@ -18,6 +20,7 @@ import { clock, day, t, time } from "../words/words.js";
 
 export function mount(root, api, { id, go, title }) {
   const box = errorBox();
+  const draft = {}; // notes that are being typed while the session is processed and drawn anew
   let leave = () => {};
   let gone = false;
   root.append(box.element);
@@ -30,8 +33,11 @@ export function mount(root, api, { id, go, title }) {
       if (gone) return;
       leave();
       root.replaceChildren(box.element);
-      title(t("session.title", { day: day(session.started), patient: session.patient.pseudonym }));
-      leave = draw(root, api, { session, result, go, reload: load });
+      const record = makeRecord(api, session, "sessions");
+      const name = ({ started }) => title(t("session.title", { day: day(started), patient: session.patient.pseudonym }));
+      record.watch(name);
+      name(session);
+      leave = draw(root, api, { session, record, draft, result, go, reload: load });
     } catch (error) {
       gone || box.show(error, h("p", {}, h("a", { href: "/" }, t("patients.back"))));
     }
@@ -55,7 +61,7 @@ function pick(session) {
 }
 
 function draw(root, api, about) {
-  const { session, result } = about;
+  const { session, record, result } = about;
   const done = result?.state === "done";
   const place = (kind = "card") => h("section", { class: kind });
   const numbers = [
@@ -68,16 +74,18 @@ function draw(root, api, about) {
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
-  const aside = [done && quality, notes].filter(Boolean).map((part) => [part, place()]);
+  const aside = [done && quality, notes, dating].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];
-  const heading = h(
-    "div",
-    {},
-    trail(session),
-    h("h1", {}, t("session.heading", { day: day(session.started) })),
-    h("p", { class: "soft" }, facts(session)),
-  );
+  const name = h("h1", {});
+  const lead = h("p", { class: "soft" });
+  const heading = h("div", {}, trail(session), name, lead);
+  const tell = (now) => {
+    name.textContent = t("session.heading", { day: day(now.started) });
+    lead.textContent = facts(now);
+  };
+  record.watch(tell);
+  tell(session);
   root.append(
     h("div", { class: "head" }, heading, head[0]?.[1]),
     choice[0][1],

@@ -1,7 +1,7 @@
 /** The fields of a patient's facts, for a new patient and for changes. */
 import { h } from "../dom.js";
 import { field, select } from "../forms.js";
-import { t } from "../words/words.js";
+import { dayAndTime, t } from "../words/words.js";
 
 const HANDS = [
   ["", "hand.unknown"],
@@ -55,5 +55,6 @@ function yearOf(text) {
 /** A fact's value as a person reads it. */
 export function factWords(name, value) {
   if (value === null || value === undefined || value === "") return t("not_given");
+  if (name === "started") return dayAndTime(value);
   return name.endsWith("_hand") ? t(`hand.${value}`) : String(value);
 }

@@ -35,7 +35,7 @@ export function mount(root, api, { record }) {
       h("button", { type: "button", onclick: close }, t("cancel")),
     ];
     const form = h("form", { novalidate: true }, fields.elements, h("div", { class: "buttons" }, buttons));
-    const send = (more) => sendChange(record, api, { ...fields.values(), ...more }, box, fields.set, seen);
+    const send = (more) => sendChange(record, { ...fields.values(), ...more }, box, fields.set, seen);
     onSubmit(form, box, () => confirming(box, send, (done) => done && close()));
     body.replaceChildren(form);
     fields.first.focus();

@@ -8,7 +8,7 @@ export function mount(root, api, { record, erased }) {
   const box = errorBox();
   const archive = h("div", { class: "buttons spaced" });
   const put = async (archived) => {
-    const done = await sendChange(record, api, { archived }, box, () => draw(""));
+    const done = await sendChange(record, { archived }, box, () => draw(""));
     if (done) draw(archived ? "keeping.archived" : "keeping.back");
   };
 

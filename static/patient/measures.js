@@ -37,7 +37,7 @@ export function mount(root, api, { record }) {
     said.textContent = "";
     const measures = structuredClone(seen.hand_measures ?? {});
     for (const { input, path, label } of inputs) put(measures, path, metres(input.value, label));
-    if (!(await sendChange(record, api, { hand_measures: measures }, box, fill, seen))) return;
+    if (!(await sendChange(record, { hand_measures: measures }, box, fill, seen))) return;
     fill(record.now);
     said.textContent = t("measures.saved");
   });

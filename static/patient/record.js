@@ -1,12 +1,13 @@
-/** A patient as the page holds it; a change names the version that was seen, so that another window's is never overwritten unseen. */
+/** A patient or session as the page holds it; a change names the version that was seen: another window's is never overwritten unseen. */
 import { h } from "../dom.js";
 import { factWords } from "./fact_fields.js";
 import { merged, same } from "./merging.js";
 import { known, t } from "../words/words.js";
 
-export function makeRecord(api, patient) {
+export function makeRecord(api, first, kind = "patients") {
   const listeners = new Set();
-  let seen = patient;
+  const address = `/api/${kind}/${first.id}`;
+  let seen = first;
   const take = (now) => {
     seen = { ...seen, ...now };
     listeners.forEach((listener) => listener(seen));
@@ -20,29 +21,32 @@ export function makeRecord(api, patient) {
       listeners.add(listener);
       return () => listeners.delete(listener);
     },
-    change: async (facts, version) => take(await api.patch(`/api/patients/${seen.id}`, { version, ...facts })),
-    reload: async () => take(await api.get(`/api/patients/${seen.id}`)),
+    change: async (facts, version) => take(await api.patch(address, { version, ...facts })),
+    stored: () => api.get(address),
+    reload: async () => take(await api.get(address)),
   };
 }
 
 /**
- * Send a change of the patient as it was when the person began, `seen`. Where somebody else was faster, both changes are kept; where both
- * changed the same fact, what is stored now is shown beside what was typed and the person chooses. True when it is saved.
+ * Send a change of the record as it was when the person began, `seen`. Where somebody else was faster, both changes are kept; where both
+ * changed the same fact, what is stored now is shown beside what was typed and the person chooses. True when it is saved; what was chosen goes to
+ * `takeStored`, with true where it is the person's own.
  */
-export async function sendChange(record, api, facts, box, takeStored, seen = record.now) {
+export async function sendChange(record, facts, box, takeStored, seen = record.now) {
   try {
     await record.change(facts, seen.version);
     return true;
   } catch (error) {
-    const stored = error.status === 409 && (await api.get(`/api/patients/${seen.id}`).catch(() => null));
+    const stored = error.status === 409 && (await record.stored().catch(() => null));
     if (!stored) throw error;
     const clashes = [];
     const both = merged(pick(seen, facts), pick(stored, facts), facts, (name) => clashes.push(name));
     await record.reload();
-    if (!clashes.length) return sendChange(record, api, both, box, takeStored);
+    if (!clashes.length) return sendChange(record, both, box, takeStored);
     const mine = async () => {
       box.clear();
-      await sendChange(record, api, both, box, takeStored).catch((again) => box.show(again));
+      const send = sendChange(record, both, box, takeStored).then((done) => done && takeStored(record.now, true));
+      await send.catch((again) => box.show(again));
     };
     const theirs = () => {
       box.clear();
@@ -53,7 +57,7 @@ export async function sendChange(record, api, facts, box, takeStored, seen = rec
   }
 }
 
-const pick = (patient, facts) => Object.fromEntries(Object.keys(facts).map((name) => [name, patient[name]]));
+const pick = (of, facts) => Object.fromEntries(Object.keys(facts).map((name) => [name, of[name]]));
 
 function differences(facts, stored) {
   const other = Object.keys(facts).filter((name) => name in stored && !same(facts[name], stored[name]));

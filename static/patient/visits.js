@@ -49,10 +49,13 @@ function visit(session, titles, finish) {
     h("span", { class: "soft" }, facts.filter(Boolean).join(" · ")),
     tasks && h("span", { class: "soft" }, tasks),
     session.calibration && h("span", { class: "soft" }, calibration(session)),
+    session.recorded_as && h("span", { class: "soft" }, corrected(session)),
     session.doubts.map((doubt) => h("p", { class: "warning" }, t(`date.${doubt}`))),
     finish,
   );
 }
+
+const corrected = ({ recorded_as: said, date_reason: reason }) => t("dating.corrected", { said: dayAndTime(said), reason });
 
 function calibration({ calibration, warnings }) {
   const still = calibration.largest.find((row) => row.name === "rate_wander");

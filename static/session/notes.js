@@ -1,26 +1,66 @@
-/** Notes of the session, and who examined; saved when asked, printed in the report. */
+/** Notes of the session, and who examined; saved when asked, printed in the report. What is typed stays when the page draws itself anew. */
 import { h } from "../dom.js";
-import { errorBox, field, onSubmit } from "../forms.js";
+import { errorBox, field, onSubmit, once } from "../forms.js";
+import { sendChange } from "../patient/record.js";
 import { t } from "../words/words.js";
 
-export function mount(root, api, { session }) {
+export function mount(root, api, { record, draft }) {
   const box = errorBox();
   const said = h("span", { class: "soft", role: "status" });
-  const changed = () => (said.textContent = t("notes.unsaved"));
-  const text = h("textarea", { value: session.notes, maxlength: 20000, name: "notes", "aria-label": t("notes.session"), oninput: changed });
-  const examiner = h("input", { value: session.examiner, maxlength: 200, name: "examiner", autocomplete: "off", oninput: changed });
+  const undo = h("button", { type: "button", hidden: true }, t("undo"));
+  let seen = draft.seen ?? record.now; // as it was when the person began to type
+  const typed = () => {
+    draft.seen = seen;
+    draft.typed = values();
+    say(t("notes.unsaved"));
+  };
+  const text = h("textarea", { maxlength: 20000, name: "notes", "aria-label": t("notes.session"), oninput: typed });
+  const examiner = h("input", { maxlength: 200, name: "examiner", autocomplete: "off", oninput: typed });
   const form = h(
     "form",
     { novalidate: true },
     h("div", { class: "field" }, text, h("p", { class: "hint" }, t("notes.session.hint"))),
     field(t("new_session.examiner"), examiner),
-    h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), said),
+    h("div", { class: "buttons" }, h("button", { type: "submit" }, t("notes.save")), undo, said),
   );
-  onSubmit(form, box, async () => {
-    const kept = await api.patch(`/api/sessions/${session.id}`, { notes: text.value, examiner: examiner.value.trim() });
-    session.notes = kept.notes;
-    said.textContent = t("notes.saved");
-  });
   root.append(h("h2", {}, t("notes.session")), form, box.element);
-  return () => {};
+  fill(draft.typed ?? record.now);
+  if (draft.typed) say(t("notes.unsaved"));
+  if (draft.held) form.elements[draft.held].focus();
+
+  const values = () => ({ notes: text.value, examiner: examiner.value.trim() });
+
+  function fill({ notes, examiner: who }) {
+    [text.value, examiner.value] = [notes, who];
+  }
+
+  function say(words, back = null) {
+    said.textContent = words;
+    undo.hidden = !back;
+    undo.onclick = back;
+  }
+
+  /** What is stored now, in the fields and as what the next change is begun from. */
+  function settle() {
+    seen = record.now;
+    fill(seen);
+    for (const name of ["seen", "typed"]) delete draft[name];
+  }
+
+  async function save(wanted) {
+    const changed = Object.keys(wanted).filter((name) => wanted[name] !== seen[name]);
+    const before = Object.fromEntries(changed.map((name) => [name, seen[name]])); // another person's change is not for this one to undo
+    const stored = (now, mine) => {
+      settle();
+      say(mine ? t("notes.saved") : "");
+    };
+    if (!(await sendChange(record, wanted, box, stored, seen))) return;
+    settle();
+    say(t("notes.saved"), changed.length && (() => once(undo, box, () => save(before))));
+  }
+
+  onSubmit(form, box, () => save(values()));
+  return () => {
+    draft.held = form.contains(document.activeElement) ? document.activeElement.name : "";
+  };
 }

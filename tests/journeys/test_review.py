@@ -1,6 +1,7 @@
 """Reading a session again: a trial is left out with a reason and taken back; progress over sessions."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -84,3 +85,46 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
     )
     page.get_by_role("button", name="Repeat Finger tapping").click()
     page.get_by_role("button", name="Pause").click()
+
+
+def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
+    another_page: Callable[..., Page], server: Server, processed: int
+) -> None:
+    mine, other = another_page(scene=False), another_page(scene=False)
+    for window in (mine, other):
+        window.goto(f"{server.base}/sessions/{processed}")
+        shown(window.get_by_label("Notes on this session"))
+    mine.get_by_label("Notes on this session").fill("calm")
+    mine.get_by_role("button", name="Save notes").click()
+    shown(mine.get_by_text("Saved."))
+    other.get_by_label("Examiner").fill("A. B.")  # apart from the notes: kept of both
+    other.get_by_role("button", name="Save notes").click()
+    shown(other.get_by_text("Saved."))
+    expect(other.get_by_label("Notes on this session")).to_have_value("calm")
+    mine.get_by_label("Notes on this session").fill("tired")
+    other.get_by_label("Notes on this session").fill("in pain")
+    mine.get_by_role("button", name="Save notes").click()
+    shown(mine.get_by_text("Saved."))
+    other.get_by_role("button", name="Save notes").click()
+    shown(other.locator(".error").filter(has_text="Notes: stored now “tired”, yours “in pain”"))
+    keep_picture(other, "session-conflict")
+    other.get_by_role("button", name="Take what is stored").click()
+    mine.get_by_role("button", name="Undo").click()
+    expect(mine.get_by_label("Notes on this session")).to_have_value("calm")
+    session = api(mine, f"/api/sessions/{processed}")
+    assert (session["notes"], session["examiner"]) == ("calm", "A. B.")
+
+    mine.get_by_text("Correct the date…").click()
+    mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
+    mine.get_by_role("button", name="Correct the date").click()
+    expect(mine.locator(".error")).to_have_text("Give a reason: it stands beside the date for everybody who reads it.")
+    mine.get_by_label("Why the date was wrong").fill("the clock's battery")
+    mine.get_by_role("button", name="Correct the date").click()
+    expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_visible()
+    keep_picture(mine, "session-dated")
+    mine.get_by_role("link", name="Demo patient").click()
+    expect(shown(mine.get_by_text("Date corrected. The computer's clock said"))).to_contain_text("the clock's battery")
+    mine.go_back()
+    mine.get_by_role("button", name="Put the clock's date back").click()
+    expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_hidden()
+    assert api(mine, f"/api/sessions/{processed}")["started"] == session["started"]

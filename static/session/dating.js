@@ -1,0 +1,49 @@
+/** The session's date where the computer's clock was wrong: corrected with a reason; what the clock said stays and can be put back. */
+import { h } from "../dom.js";
+import { errorBox, field, onSubmit, once } from "../forms.js";
+import { sendChange } from "../patient/record.js";
+import { dayAndTime, t } from "../words/words.js";
+
+const MINUTE = 60_000; // ms
+
+export function mount(root, api, { record }) {
+  const box = errorBox();
+  const told = h("div", {});
+  const when = h("input", { type: "datetime-local", name: "started", required: true });
+  const why = h("input", { maxlength: 1000, autocomplete: "off", name: "reason" });
+  const form = h(
+    "form",
+    { novalidate: true },
+    field(t("dating.true"), when),
+    field(t("dating.why"), why, t("dating.why.hint")),
+    h("div", { class: "buttons" }, h("button", { class: "primary", type: "submit" }, t("dating.send"))),
+  );
+  const details = h("details", {}, h("summary", {}, t("dating.correct")), form);
+  root.append(told, details, box.element);
+  const send = (change) => sendChange(record, change, box, draw);
+
+  onSubmit(form, box, async () => {
+    if (!when.value) throw new Error(t("dating.missing"));
+    if (!why.value.trim()) throw new Error(t("dating.why.missing"));
+    if (!(await send({ started: new Date(when.value).toISOString(), date_reason: why.value.trim() }))) return;
+    [details.open, why.value] = [false, ""];
+    details.querySelector("summary").focus();
+  });
+
+  function draw() {
+    const { started, recorded_as: said, date_reason: reason, state } = record.now;
+    root.hidden = state === "open";
+    when.value = local(started);
+    const back = h("button", { type: "button", onclick: () => once(back, box, () => send({ started: said })) }, t("dating.back"));
+    told.replaceChildren(...(said ? [h("p", {}, t("dating.corrected", { said: dayAndTime(said), reason })), back] : []));
+  }
+
+  draw();
+  return record.watch(draw);
+}
+
+/** A moment as the field takes it: this computer's local time. */
+function local(moment) {
+  const at = new Date(moment);
+  return new Date(at - at.getTimezoneOffset() * MINUTE).toISOString().slice(0, 16);
+}
