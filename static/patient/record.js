@@ -29,8 +29,8 @@ export function makeRecord(api, first, kind = "patients") {
 
 /**
  * Send a change of the record as it was when the person began, `seen`. Where somebody else was faster, both changes are kept; where both
- * changed the same fact, what is stored now is shown beside what was typed and the person chooses. True when it is saved; what was chosen goes to
- * `takeStored`, with true where it is the person's own.
+ * changed the same fact, what is stored now is shown beside what was typed and the person chooses. True when it is saved; what was chosen
+ * goes to `takeStored`, with true where it is the person's own.
  */
 export async function sendChange(record, facts, box, takeStored, seen = record.now) {
   try {
