@@ -23,11 +23,13 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import SEGMENT
 from estimators.measures.accuracy import accuracy_of
 from estimators.measures.assessment import TaskResult, assess
+from estimators.measures.excursions import repetitions
 from estimators.measures.shown import Shown, thinned
 from estimators.measures.tapping import Tapping
 from estimators.methods import METHODS
 from estimators.processing import Processed, process
 from estimators.quaternions import Array
+from estimators.samples import Event
 from estimators.trajectory import Trajectory
 from sessions import corrections, derivative, records
 from sessions.full_disk import FULL, is_full
@@ -120,7 +122,18 @@ def page_content(processed: Processed, tasks: list[TaskResult], recording: Loade
         "calibration": {"source": c.source, "onset": c.t, "end": c.end, "quality": {s: asdict(q) for s, q in c.quality.items()}},
         "tasks": [_task(t) for t in tasks],
         "events": [{"trial_type": e.trial_type, "onset": e.onset, "duration": e.duration, **dict(e.details)} for e in recording.events],
+        "repetitions": {
+            str(k): _repetitions(e, processed.trajectory, tasks) for k, e in enumerate(recording.events) if e.trial_type == "task"
+        },
     }
+
+
+def _repetitions(event: Event, moved: Trajectory, tasks: list[TaskResult]) -> list[dict[str, Any]]:
+    """Where the task's repetitions are, s, and which of them are left out: those that stretches left out cover by half."""
+    gone = [(float(a), float(b)) for a, b in event.details.get("left_out", ())]
+    found = repetitions(moved, event.onset, event.end, [t.details for t in tasks if t.onset == event.onset and t.end == event.end])
+    counted = [(a, b) for a, b in found if not any(min(b, stop) - max(a, start) > (b - a) / 2 for start, stop in gone)]
+    return [{"start": a, "stop": b, "out": (a, b) in gone} for a, b in sorted([*counted, *gone])]
 
 
 def replay_file(result_id: int) -> str:

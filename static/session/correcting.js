@@ -1,4 +1,4 @@
-/** Leave out a trial or a stretch of it, or move its ends: seen on its curve, always with a reason. */
+/** Leave out a trial, a repetition or another stretch of it, or move its ends: seen on its curve, always with a reason. */
 import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit } from "../forms.js";
 import { LINES, SETS, chooseSet, curvesAddress } from "../plots/curve_sets.js";
@@ -6,6 +6,7 @@ import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
+import { number, repetition } from "./repetitions.js";
 
 const REASONS = ["helped", "wrong", "interrupted", "slipped", "pain"];
 const STEP = 0.1; // s
@@ -27,6 +28,9 @@ export function mount(root, api, { result, trial, send }) {
     { class: "pair" },
     ends.map((end) => end.element),
   );
+  const each = trial.tapping ? [] : (result.content.repetitions?.[trial.event] ?? []);
+  const repetitions = each.map((one, k) => repetition(one, k + 1, () => choose(one)));
+  const heading = t("correct.repetitions");
   const reason = h("input", { name: "reason", maxlength: 1000, autocomplete: "off" });
   const quick = REASONS.map((word) =>
     h("button", { type: "button", onclick: () => (reason.value = t(`correct.reason.${word}`)) }, t(`correct.reason.${word}`)),
@@ -36,6 +40,7 @@ export function mount(root, api, { result, trial, send }) {
     { class: "correcting", novalidate: true },
     h("div", { class: "curves-head" }, set, names),
     curve,
+    each.length > 0 && h("div", { class: "repetitions", role: "group", "aria-label": heading }, h("span", {}, heading), repetitions),
     what,
     stretch,
     field(t("correct.why"), reason, t("correct.why.hint")),
@@ -49,6 +54,13 @@ export function mount(root, api, { result, trial, send }) {
   what.addEventListener("change", drawEnds);
   const kind = () => form.elements.correction.value;
   const chosen = () => ends.map((end) => trial.onset + Number(end.input.value));
+
+  /** A repetition's ends, to be left out as they are or moved. */
+  function choose(one) {
+    form.elements.correction.value = "leave_out";
+    [one.start, one.stop].forEach((moment, k) => ends[k].go(moment - trial.onset));
+    drawEnds();
+  }
 
   function drawEnds() {
     stretch.hidden = kind() === "exclude";
@@ -68,6 +80,7 @@ export function mount(root, api, { result, trial, send }) {
     ctx.fillStyle = colour("--surface-sunk");
     parts.forEach(([left, right]) => ctx.fillRect(left, bbox.top, Math.max(0, right - left), bbox.height));
     ctx.restore();
+    number(drawn, each, at);
   }
 
   async function draw() {
@@ -115,6 +128,9 @@ function slider(end, trial, changed) {
   return {
     input,
     element,
+    go(seconds) {
+      input.value = seconds;
+    },
     tell() {
       said.textContent = words();
       input.setAttribute("aria-valuetext", words());

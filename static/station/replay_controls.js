@@ -7,7 +7,7 @@ const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
 const JUMP = 1; // s that an arrow key goes
 const LEAP = 5; // s that a button goes, and an arrow key with Shift
 
-export function mount(root, api, { station, chapters }) {
+export function mount(root, api, { station, result, chapters }) {
   const { start, stop, speed } = station.latest.replay;
   const box = errorBox();
   const play = h("button", { class: "primary large play", title: t("replay.keys"), onclick: toggle });
@@ -33,6 +33,14 @@ export function mount(root, api, { station, chapters }) {
     Object.assign(mark.style, { left: share(chapter.start), width: share(start + chapter.stop - chapter.start) });
     return mark;
   });
+  const repetitions = Object.values(result.content.repetitions ?? {}).flat();
+  marks.push(
+    ...repetitions.map((one) => {
+      const mark = h("span", { class: one.out ? "repetition excluded" : "repetition" });
+      Object.assign(mark.style, { left: share(one.start), width: share(start + one.stop - one.start) });
+      return mark;
+    }),
+  );
   const where = h("output", { class: "where" });
   const pace = select(
     SPEEDS.map((value) => [value, t("replay.speed", { value })]),

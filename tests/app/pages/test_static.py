@@ -19,6 +19,7 @@ GAP = re.compile(r"\{(\w+)\}")
 PARTS = [p for p in MODULES if p.parent.name in ("pages", "patient", "session", "station", "login")]
 NOT_MOUNTED = {
     "replay_focus.js",
+    "repetitions.js",
     "second_look.js",
     "hand_drawing.js",
     "merging.js",
