@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from estimators.compiled import inlined, looped
+from estimators.kalman import correct
 from estimators.magnet_filter import (
     BBG,
     BTA,
@@ -37,7 +38,6 @@ from estimators.magnet_filter import (
     stepped,
     widened,
 )
-from estimators.kalman import correct
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 
@@ -82,7 +82,7 @@ def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
 def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
     start = np.zeros(len(P))
-    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2 and magnetometers(x) > 1:  # one alone is explained by many places
+    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2:
         here, _, cost = magnetic(s, x, P, start, mag, 1.0)
         there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0)
         start = here
@@ -107,7 +107,7 @@ def straight(x: Array, P: Array) -> bool:
         for i in range(3):
             square += (x[i] - x[first + i]) ** 2
         nearest = min(nearest, square)
-    return P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest
+    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest)
 
 
 @inlined
