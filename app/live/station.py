@@ -231,7 +231,7 @@ class Station:
             elif order.kind == "look":
                 threading.Thread(target=self._look, name=f"sensors {self.name}", daemon=True).start()
             elif order.kind == "exchange":
-                self._exchange(*order.task.split())
+                self._exchange(dict(order.worn_on))
             elif order.kind == "guess":
                 self._guess(facts)
             elif order.kind == "drop_pose":
@@ -317,9 +317,8 @@ class Station:
         self.faults = [f.said for f in self.tracking.faults()]
         self._notify()
 
-    def _exchange(self, one: str, other: str) -> None:
-        """Two strips are on each other's finger: read so from now on, and in the recording from its beginning."""
-        to = {one: other, other: one}
+    def _exchange(self, to: Mapping[str, str]) -> None:
+        """Strips are on each other's fingers: read so from now on, and in the recording from its beginning."""
         worn_on = {f: to.get(on, on) for f, on in {**{f: f for f in FINGERS}, **self.exchanged}.items()}
         self.exchanged = {f: on for f, on in worn_on.items() if f != on}
         self._calibration, self._measured = None, {}

@@ -167,7 +167,7 @@ def _check(w: Wizard, facts: Facts) -> dict[str, Any] | None:
         "asked": w.asked(facts),
         "calm": w.calm,
         "moved": dict(w.seen) if w.state in (State.CHECK, State.CHECKED) else {},
-        "exchange": list(w.exchangeable() or ()),
+        "exchange": [{"strip": strip, "finger": finger} for strip, finger in w.exchangeable().items()],
     }
 
 

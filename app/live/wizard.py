@@ -39,7 +39,7 @@ STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: t
 
 @dataclass(frozen=True)
 class Order:
-    """What the station has to do after a step: calibrate, cue, keep_attempt, drop_pose, finish; measure_step, drop_step, drop_steps, use_steps."""
+    """What the station has to do after a step: calibrate, cue, exchange, keep_attempt, drop_pose, finish; measure_step, drop_step, drop_steps, use_steps."""
 
     kind: str
     task: str = ""
@@ -48,6 +48,7 @@ class Order:
     reason: str = ""
     score: float | None = None
     pauses: tuple[tuple[float, float], ...] = ()
+    worn_on: tuple[tuple[str, str], ...] = ()  # by the finger that a strip is read for, the one that it is worn on
 
 
 class NotNowError(Exception):
@@ -154,9 +155,9 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     """Follow the table and say what is to be done."""
     before, after = wizard.state, TRANSITIONS[wizard.state][what]
     orders: list[Order] = []
-    if what is Act.EXCHANGE and (pair := wizard.exchangeable()):
+    if what is Act.EXCHANGE and (worn_on := wizard.exchangeable()):
         orders += [Order("drop_pose")] if before is State.POSE_REVIEW else []
-        orders.append(Order("exchange", " ".join(pair)))
+        orders.append(Order("exchange", worn_on=tuple(worn_on.items())))
         wizard = replace(wizard, swapped=None, calibrated=False, used=frozenset())
     if after is State.CHECKED:
         orders.append(Order("look"))

@@ -1,5 +1,6 @@
 """Everything that a page needs to draw where the session stands, and what can be done there; facts about glove and patient come in with every tick."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -85,7 +86,7 @@ class Wizard:
         barred = {
             Act.CONTINUE: not ready(facts),
             Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,
-            Act.EXCHANGE: self.exchangeable() is None,
+            Act.EXCHANGE: not self.exchangeable(),
             Act.WITHOUT: self.calibrated or not ready(facts),
             Act.STOP: self.state is State.POSE_READY and not self.calibrated,
             Act.AGAIN: not self._trials_left(),
@@ -117,12 +118,13 @@ class Wizard:
         """The finger that is to bend now in the sensor check."""
         return next((f for f in self.checkable(facts) if f not in dict(self.seen)), None) if self.state is State.CHECK else None
 
-    def exchangeable(self) -> tuple[str, str] | None:
-        """Two fingers whose strips are on each other's, as check or pose found."""
-        if self.state is State.POSE_REVIEW:
-            return self.swapped
+    def exchangeable(self) -> dict[str, str]:
+        """By the finger that a strip is read for, the one that it is worn on: where check or pose found strips among themselves on other fingers."""
+        if self.state is State.POSE_REVIEW and self.swapped:
+            one, other = self.swapped
+            return {one: other, other: one}
         moved = dict(self.seen) if self.state is State.CHECKED else {}
-        return next(((f, g) for f, g in moved.items() if f != g and moved.get(g) == f), None)
+        return {strip: finger for finger, strip in moved.items() if strip != finger and _round(finger, moved)}
 
     def proposal(self, facts: Facts) -> Act | None:
         """The next rung of the ladder, where this one does not do: pose, pose given by the therapist, movements; at last none."""
@@ -169,6 +171,16 @@ class Wizard:
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""
         return self.protocol is not None and self.accepted(self.protocol.name) + 1 < self.protocol.trials
+
+
+def _round(finger: str, moved: Mapping[str, str]) -> bool:
+    """Whether going from a finger to the one whose strip moved for it, and on, leads back: then each of them is known to be worn by another."""
+    at = moved[finger]
+    for _ in moved:
+        if at == finger or at not in moved:
+            break
+        at = moved[at]
+    return at == finger
 
 
 def ready(facts: Facts) -> bool:

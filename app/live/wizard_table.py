@@ -31,7 +31,7 @@ class Act(StrEnum):
 
     CONTINUE = "continue"
     CHECK = "check"  # the sensors, finger by finger
-    EXCHANGE = "exchange"  # two strips that were found on each other's finger
+    EXCHANGE = "exchange"  # strips that were found on each other's fingers
     START = "start"
     STOP = "stop"
     ACCEPT = "accept"

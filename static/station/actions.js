@@ -131,7 +131,9 @@ function nextWords({ title, trials, accepted }) {
 
 const faultless = ({ moved }) => Object.entries(moved).every(([finger, strip]) => finger === strip);
 
-const exchangeWords = ([one, other]) => t("act.exchange", { one: t(`part.${one}`), other: t(`part.${other}`) });
+function exchangeWords([one, ...more]) {
+  return more.length > 1 ? t("act.exchange.all") : t("act.exchange", { one: t(`part.${one.finger}`), other: t(`part.${one.strip}`) });
+}
 
 const open = (wizard) => wizard.tasks.filter((task) => !task.outcome);
 const next = (wizard) => open(wizard)[0] ?? null;

@@ -51,10 +51,12 @@ function chip(finger, standing, moving) {
 /** What the check found. */
 function verdicts({ moved, exchange }, faults) {
   const part = (finger) => t(`part.${finger}`);
-  const [one, other] = exchange;
-  const rest = Object.entries(moved).filter(([finger, strip]) => strip !== finger && !exchange.includes(finger));
+  const words = ({ strip, finger }) => ({ strip: part(strip), finger: part(finger) });
+  const known = exchange.map((one) => one.finger);
+  const rest = Object.entries(moved).filter(([finger, strip]) => strip !== finger && !known.includes(finger));
   const found = [
-    one && t("check.exchanged", { one: part(one), other: part(other) }),
+    exchange.length === 2 && t("check.exchanged", { one: part(exchange[0].finger), other: part(exchange[0].strip) }),
+    exchange.length > 2 && t("check.round", { list: exchange.map((one) => t("check.worn", words(one))).join(", ") }),
     ...rest.map(([finger, strip]) =>
       strip ? t("check.other", { finger: part(finger), strip: part(strip) }) : t("check.silent", { finger: part(finger) }),
     ),

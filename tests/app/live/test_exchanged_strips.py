@@ -23,7 +23,7 @@ def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(t
             wait_for(lambda: station._wizard.state is State.CHECKED)
             told = station.snapshot()["wizard"]
             assert told["check"]["moved"] == {"index": "ring", "ring": "index"}
-            assert told["check"]["exchange"] == ["index", "ring"]
+            assert told["check"]["exchange"] == [{"strip": "ring", "finger": "index"}, {"strip": "index", "finger": "ring"}]
             station.act("exchange")
             wait_for(lambda: station.glove.assembler.exchanged)
             assert station._wizard.state is State.CHECK

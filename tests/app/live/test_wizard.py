@@ -319,20 +319,34 @@ def checked(moves: dict[str, str]) -> tuple[Wizard, list[Order]]:
 def test_the_sensor_check_asks_for_every_finger_and_sees_whose_strip_moves() -> None:
     w, cued = checked({f: f for f in FINGERS})
     assert kinds(cued) == [("cue_finger", f) for f in FINGERS]
-    assert (w.state, w.seen, w.exchangeable()) == (State.CHECKED, tuple((f, f) for f in FINGERS), None)
+    assert (w.state, w.seen, w.exchangeable()) == (State.CHECKED, tuple((f, f) for f in FINGERS), {})
     assert Act.EXCHANGE not in w.allowed(READY)
 
 
 def test_two_strips_on_each_others_finger_are_exchanged_by_one_press_and_checked_again() -> None:
     w, _ = checked({**{f: f for f in FINGERS}, "index": "ring", "ring": "index"})
-    assert w.exchangeable() == ("index", "ring")
+    assert w.exchangeable() == {"index": "ring", "ring": "index"}
     w, orders = wizard.act(w, Act.EXCHANGE, READY)
-    assert (w.state, w.seen, kinds(orders)) == (State.CHECK, (), [("exchange", "index ring"), ("cue_finger", "thumb")])
+    assert (w.state, w.seen, kinds(orders)) == (State.CHECK, (), [("exchange", ""), ("cue_finger", "thumb")])
+    assert dict(orders[0].worn_on) == {"index": "ring", "ring": "index"}
+
+
+@given(worn=st.permutations(FINGERS), dead=st.sampled_from(["", *FINGERS]))
+def test_strips_mixed_up_in_any_way_are_read_as_worn_after_one_press(worn: list[str], dead: str) -> None:
+    strip_on = dict(zip(FINGERS, worn))  # the strip of which finger sits on each
+    w, _ = checked({f: "" if f == dead else strip for f, strip in strip_on.items()})
+    put_right = w.exchangeable()
+    assert all(strip_on[finger] == strip != finger for strip, finger in put_right.items())
+    assert set(put_right) == set(put_right.values())  # no strip is read for a finger that another is read for, too
+    if not dead:
+        assert {f: put_right.get(strip, strip) for f, strip in strip_on.items()} == {f: f for f in FINGERS}
+    elif strip_on[dead] == dead:
+        assert len(put_right) == sum(f != strip for f, strip in strip_on.items())
 
 
 def test_a_strip_that_does_not_move_and_one_that_moves_for_another_are_no_exchange() -> None:
     w, _ = checked({**{f: f for f in FINGERS}, "index": "", "ring": "little"})
-    assert (dict(w.seen)["index"], dict(w.seen)["ring"], w.exchangeable()) == ("", "little", None)
+    assert (dict(w.seen)["index"], dict(w.seen)["ring"], w.exchangeable()) == ("", "little", {})
 
 
 def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchange() -> None:
@@ -340,7 +354,8 @@ def test_a_pose_that_shows_two_strips_exchanged_is_taken_again_after_the_exchang
     assert w.proposal(READY) is Act.EXCHANGE
     w, orders = wizard.act(w, Act.EXCHANGE, READY)
     assert (w.state, w.swapped, w.calibrated) == (State.POSE_READY, None, False)
-    assert kinds(orders) == [("drop_pose", ""), ("exchange", "thumb index"), ("cue", "initial_pose")]
+    assert kinds(orders) == [("drop_pose", ""), ("exchange", ""), ("cue", "initial_pose")]
+    assert dict(orders[1].worn_on) == {"thumb": "index", "index": "thumb"}
 
 
 def test_everything_that_is_proposed_or_can_come_of_a_task_has_words() -> None:
