@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from app.options import with_options
-from app.protocols import load_all
+from app.protocols import offered
 from app.report.content import Content, Visit, content
 from app.report.kept import packed, unpacked
 from estimators.errors import InputError
@@ -169,7 +169,8 @@ def save_report(store: Store, result: Result, recording: LoadedRecording, proces
     """Keep what a report says of the recording; it can be made again at any time."""
     params = with_options(METHODS[result.method].Params, result.parameters)
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
-    said = content(nobody, recording, processed, result.method, params, tasks, version, load_all(), corrections=corrected)
+    protocols, _ = offered(store.folder)
+    said = content(nobody, recording, processed, result.method, params, tasks, version, protocols, corrections=corrected)
     save_file(packed(said), store.path_of(report_file(result.id)))
     return said
 

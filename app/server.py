@@ -36,7 +36,7 @@ class Files(StaticFiles):
 
 def create_app(settings: Settings) -> FastAPI:
     """Build everything from the settings; parts that run are opened and closed with the application."""
-    for fault in protocols.read()[1]:  # said now, and on the page where tasks are chosen
+    for fault in protocols.offered(settings.data)[1]:  # said now, and on the page where tasks are chosen
         log.warning("%s. This task is not offered, the others are.", fault)
     for fault in language.faults():
         log.warning("%s. This language is not offered, the others are.", fault)

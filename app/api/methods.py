@@ -7,8 +7,8 @@ from fastapi import APIRouter
 
 from app.api.roles import EVERY_ACCOUNT, may
 from app.api.sessions import NewResult
-from app.api.state import LanguageDep
-from app.protocols import load_all
+from app.api.state import LanguageDep, PartsDep
+from app.protocols import offered
 from estimators.methods import METHODS
 from estimators.options import describe
 
@@ -30,5 +30,8 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
 
 
 @router.get("/protocols")
-def list_protocols(language: LanguageDep) -> list[dict[str, Any]]:
-    return [asdict(p) | {"title": language.heard(p.title), "instruction": language.heard(p.instruction)} for p in load_all().values()]
+def list_protocols(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
+    return [
+        asdict(p) | {"title": language.heard(p.title), "instruction": language.heard(p.instruction)}
+        for p in offered(parts.store.folder)[0].values()
+    ]

@@ -6,9 +6,9 @@ from typing import Any
 from fastapi import APIRouter
 
 from app.api.roles import CLINICIAN, SCIENTIST, may
-from app.api.state import Db, LanguageDep
+from app.api.state import Db, LanguageDep, PartsDep
 from app.language import Language
-from app.protocols import load_all
+from app.protocols import offered
 from app.report.changes import Judge
 from app.report.progress import Course, Progress, Series, progress
 from sessions import patients, repeatability
@@ -17,10 +17,10 @@ router = APIRouter(prefix="/patients", tags=["patients"], dependencies=[may(CLIN
 
 
 @router.get("/{patient_id}/progress")
-def read_progress(db: Db, language: LanguageDep, patient_id: int) -> dict[str, Any]:
+def read_progress(db: Db, parts: PartsDep, language: LanguageDep, patient_id: int) -> dict[str, Any]:
     """Sessions by hand, and of every figure its values in their order; what a change must exceed, and whether it does."""
     patient = patients.get(db, patient_id)
-    found = progress(repeatability.history(db, patient_id), load_all())
+    found = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
     return {
         "affected": patient.affected_hand,
         **(_told(found, language) if found else {"method": "", "judges": [], "sessions": {}, "series": []}),

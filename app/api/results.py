@@ -13,7 +13,7 @@ from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from app.api.state import Db, LanguageDep, PartsDep
 from app.jobs import make_derivative, make_replay_file, make_report
 from app.kept_curves import APERTURE, beside, curves
-from app.protocols import load_all
+from app.protocols import offered
 from app.report import Paper
 from app.report.units import READABLE
 from app.reporting import changes_of
@@ -30,6 +30,7 @@ ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a repo
 @router.get("/{result_id}")
 def read_result(
     db: Db,
+    parts: PartsDep,
     who: WhoDep,
     language: LanguageDep,
     result_id: int,
@@ -37,7 +38,7 @@ def read_result(
 ) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
-    read = readings(r.content, r.figures, load_all(), language, changes_of(r) if r.state == "done" else None, lean)
+    read = readings(r.content, r.figures, offered(parts.store.folder)[0], language, changes_of(r) if r.state == "done" else None, lean)
     told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
         **told,

@@ -69,7 +69,7 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
     """Begin a live session: the glove's recording starts, the station's wizard waits."""
     patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
     parts.stations.require_free(new.port)
-    make_setup = live_setup(new.method, new.options)
+    make_setup = live_setup(new.method, new.options, parts.store.folder)
     session, file = records.begin(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner)
     try:
         station = parts.stations.open_live(make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym))

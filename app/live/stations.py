@@ -12,7 +12,7 @@ from app.kept_curves import in_step
 from app.live.replay import Beside, Replay
 from app.live.station import Setup, Station
 from app.options import with_options
-from app.protocols import load_steps, read
+from app.protocols import load_steps, offered
 from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_geometry import HandGeometry, measures_from, sized
@@ -131,13 +131,13 @@ class Stations:
             replay.__exit__(None, None, None)
 
 
-def live_setup(method: str, options: Mapping[str, Any]) -> MakeSetup:
-    """Check method and options before anything is begun; gives a function that makes the setup once session and file are known."""
+def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup:
+    """With the tasks of the data folder. Check method and options before anything is begun; gives a function that makes the setup once session and file are known."""
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[method]
     params = with_options(module.Params, options)
-    protocols, faults = read()
+    protocols, faults = offered(data)
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
 

@@ -71,7 +71,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "step_quality": _quality(station.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
         "sensor_faults": station.faults if wizard.state is State.CHECKED else [],
-        "protocol_faults": list(station.setup.faults),
+        "protocol_faults": [{"reason": fault} for fault in station.setup.faults],
         "numbers": _numbers(station, wizard, facts),
         "ended": station.ended,
     }

@@ -1,4 +1,5 @@
-"""Tasks as data: one JSON file each in this folder, named as its task; a new task needs no code (docs/extending.md has an example).
+"""Tasks as data: one JSON file each in this folder, or in the data folder's `protocols`, named as its task; a new task needs no code
+(docs/extending.md has an example).
 
 The fields are those of `Protocol` below. A file with a mistake is named with its field and left out; the others are offered. A task ends in one of three ways: after `duration` s; paced, after `repetitions` rounds of `cycle`
 (the metronome, its words and the countdown of each phase come from there); or, with neither, when somebody presses "Done".
@@ -9,11 +10,13 @@ from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from itertools import accumulate
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from app.protocols.lines import line_of
 from estimators.errors import InputError
 from estimators.hand_anatomy import DOF_NAMES, SEGMENTS
 
@@ -25,6 +28,7 @@ CURVES = ("aperture", "palm_turn", *DOF_NAMES)
 TURN = "forearm_pronation"  # no joint of the glove's: it turns the ghost's whole hand
 SLACK = 0.15  # s by which the end of an attempt may be late or early: the station looks ten times a second
 EXACT = 1e-6  # s
+OWN = "protocols"  # in the data folder
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -140,6 +144,14 @@ def load_all(folder: Traversable | None = None) -> dict[str, Protocol]:
     return read(folder)[0]
 
 
+def offered(data: Path) -> tuple[dict[str, Protocol], list[str]]:
+    """All that a server offers, in order: the protocols of this folder and those of its data folder, read anew each time; and their faults."""
+    (own, own_faults), (known, faults) = (read(data / OWN) if (data / OWN).is_dir() else ({}, [])), read()
+    taken = [f"protocol {name}.json: name is {name!r}, as a task of Handscope has it; choose another" for name in own if name in known]
+    both = {**own, **known}
+    return {p.name: p for p in sorted(both.values(), key=lambda p: p.order)}, [*faults, *own_faults, *taken]
+
+
 def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[str]]:
     """Every protocol of a folder (this one) by name, in order, and a sentence for each file that has a fault: its field and what is allowed."""
     inside = sorted((folder or files("app.protocols")).iterdir(), key=lambda entry: entry.name)
@@ -167,15 +179,22 @@ def protocol_of(file: str, text: str) -> Protocol:
     try:
         made = _READER.validate_json(text)
     except ValidationError as problem:
-        raise InputError(f"protocol {file}: {_sentence(problem.errors())}") from None
+        raise _fault(file, text, _sentence(problem.errors())) from None
     for wrong in _mistakes(file, made):
-        raise InputError(f"protocol {file}: {wrong}")
+        raise _fault(file, text, wrong)
     return made
+
+
+def _fault(file: str, text: str, sentence: str) -> InputError:
+    line = line_of(text, sentence)
+    return InputError(f"protocol {file}{f', line {line}' if line else ''}: {sentence}")
 
 
 def _loaded(entry: Traversable) -> Protocol:
     try:
         text = entry.read_text("utf-8")
+    except OSError as problem:
+        raise InputError(f"protocol {entry.name} could not be read: {problem.strerror}") from None
     except UnicodeDecodeError:
         raise InputError(f"protocol {entry.name} is not text in UTF-8; save it as UTF-8") from None
     return protocol_of(entry.name, text)

@@ -1,7 +1,7 @@
 """The replay file of a kept result."""
 
 from app.language import Language
-from app.protocols import load_all
+from app.protocols import offered
 from app.replay_file import chapters, replay_file
 from app.results import load_replay
 from estimators.hand_geometry import measures_from, sized
@@ -19,4 +19,4 @@ def of_result(store: Store, result: Result, named: bool, language: Language) -> 
     told = [Event(e["onset"], e["duration"], e["trial_type"], e) for e in result.content["events"]]
     title = language.say("replay.title.of", pseudonym=session.patient.pseudonym) if named else language.say("replay.title")
     geometry = sized(hand, measures_from(measures))
-    return replay_file(hand, geometry, load_replay(store, result), chapters(told, load_all(), language), title, language)
+    return replay_file(hand, geometry, load_replay(store, result), chapters(told, offered(store.folder)[0], language), title, language)

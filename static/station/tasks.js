@@ -15,8 +15,10 @@ export function mount(root, api, { station }) {
   root.append(heading, choice, list, box.element, faults);
   const drawFaults = whenChanged(
     ({ wizard, protocol_faults }) => [wizard.state === "tasks", protocol_faults],
-    ([choosing, said]) =>
-      faults.replaceChildren(...(choosing ? said : []).map((text) => h("p", { class: "warning small" }, t("tasks.fault", { text })))),
+    ([choosing, said]) => {
+      const line = ({ reason }) => h("p", { class: "warning small" }, t("tasks.fault", { text: reason }));
+      faults.replaceChildren(...(choosing ? said : []).map(line));
+    },
   );
   const drawGroups = whenChanged(
     ({ wizard }) => [wizard.groups, wizard.group, wizard.actions.includes("group") && wizard.groups.length > 1],

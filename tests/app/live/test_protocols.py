@@ -11,7 +11,7 @@ from app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson
 from app.language import Language, languages
 from app.live.ghost import angles_of
 from app.live.telling import LEAST
-from app.protocols import TURN, Protocol, groups, load_all, protocol_of, read
+from app.protocols import TURN, Protocol, groups, load_all, offered, protocol_of, read
 from app.server import create_app
 from app.settings import Settings
 from estimators.errors import InputError
@@ -150,7 +150,7 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
     ],
 )
 def test_a_fault_in_a_file_is_named_with_its_field_and_what_is_allowed(change: dict[str, object], sentence: str) -> None:
-    with pytest.raises(InputError, match=rf"^protocol x\.json: {sentence}"):
+    with pytest.raises(InputError, match=rf"^protocol x\.json(, line 1)?: {sentence}"):
         protocol_of("x.json", json.dumps({**GOOD, **change}))
 
 
@@ -162,7 +162,7 @@ def test_an_incomplete_or_broken_file_is_named() -> None:
         ("[]", "the file should hold one object with the fields name, "),
         (json.dumps({**GOOD, "duration": float("nan")}), "duration is nan; it should be a finite number$"),
     ):
-        with pytest.raises(InputError, match=rf"^protocol x\.json: .*{sentence}"):
+        with pytest.raises(InputError, match=rf"^protocol x\.json(, line 1)?: .*{sentence}"):
             protocol_of("x.json", text)
 
 
@@ -178,7 +178,7 @@ def test_a_faulty_file_is_left_out_and_does_not_stop_the_others(
     folder.mkdir()
     (folder / "x.json").write_text(json.dumps({**GOOD, "countdown": -3}))
     (folder / "y.json").write_text(json.dumps({**GOOD, "name": "y"}))
-    fault = "protocol x.json: countdown is -3; it should be greater than or equal to 0"
+    fault = "protocol x.json, line 1: countdown is -3; it should be greater than or equal to 0"
     found, faults = read(folder)
     assert (list(found), faults) == (["y"], [fault])
     monkeypatch.setattr(app.protocols, "files", lambda package: folder)
@@ -186,6 +186,29 @@ def test_a_faulty_file_is_left_out_and_does_not_stop_the_others(
     assert [r.getMessage() for r in caplog.records if "protocol" in r.getMessage()] == [
         f"{fault}. This task is not offered, the others are."
     ]
+
+
+def test_a_file_dropped_into_the_data_folder_is_offered_and_a_broken_one_is_named_with_its_line(tmp_path: Path) -> None:
+    known, none = offered(tmp_path)
+    assert (known, none) == (ALL, [])
+    own = tmp_path / "protocols"
+    own.mkdir()
+    (own / "x.json").write_text(json.dumps({**GOOD, "order": -1}))
+    (own / "broken.json").write_text('{\n  "name": "broken",\n  "title": "T"\n  "group": "g"\n}')
+    (own / "wrong.json").write_text(
+        json.dumps({**GOOD, "name": "wrong", **PACED, "cycle": [{"say": "Up", "seconds": 1}, {"say": "Down", "seconds": 0}]}, indent=1)
+    )
+    (own / "tapping.json").write_text(json.dumps({**GOOD, "name": "tapping"}))
+    found, faults = offered(tmp_path)
+    assert list(found) == ["x", *ALL] and found["tapping"] == ALL["tapping"]
+    line = next(k for k, text in enumerate((own / "wrong.json").read_text().splitlines(), 1) if '"seconds": 0' in text)
+    assert faults == [
+        "protocol broken.json: is not valid JSON (expected `,` or `}` at line 4 column 3)",
+        f"protocol wrong.json, line {line}: cycle[1].seconds is 0; it should be greater than 0",
+        "protocol tapping.json: name is 'tapping', as a task of Handscope has it; choose another",
+    ]
+    (own / "x.json").unlink()
+    assert list(offered(tmp_path)[0]) == list(ALL)  # read anew for every session
 
 
 @pytest.mark.parametrize("mode", ["active", "passive"])
