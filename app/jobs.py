@@ -120,15 +120,17 @@ def _make(result_id: int) -> None:
     make(_store, result_id)
 
 
-def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4") -> bytes:
+def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = "") -> bytes:
     """In the working process: the report of a result as pdf, csv or json."""
     from app.language import languages
     from app.report import FORMS, Style
+    from app.report.gradings import DEFAULT, graded
     from app.reporting import report
 
     assert _store is not None
     with _store.database() as db:
-        return FORMS[form](report(_store, results.get(db, result_id)), Style(languages()[language], paper))
+        said = graded(report(_store, results.get(db, result_id)), grading or DEFAULT)
+        return FORMS[form](said, Style(languages()[language], paper))
 
 
 def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:

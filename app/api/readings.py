@@ -11,6 +11,7 @@ from app.protocols import Protocol
 from app.report.change_words import row_words, tapping_words
 from app.report.changes import Changes
 from app.report.content import Task, asked
+from app.report.gradings import DEFAULT, graded_tasks
 from app.report.norms import norm_of
 from app.report.other_measures import norms_told, other_measures
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
@@ -20,6 +21,7 @@ from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
 from estimators.measures.figure import Figure
 from estimators.measures.range_of_motion import Range
+from estimators.measures.total_active_motion import GRADINGS
 
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 
@@ -31,6 +33,8 @@ def readings(
     language: Language,
     changes: Changes | None = None,
     lean: bool = False,
+    grading: str = DEFAULT,
+    other_hand: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
     tasks = content.get("tasks", [])
@@ -39,7 +43,7 @@ def readings(
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
-        "others": _others(tasks, figures, protocols, language),
+        "others": _others(tasks, figures, protocols, language, grading, dict(other_hand or {})),
     } | ({} if lean else {"figures": [_told(f, language) for f in figures]})
 
 
@@ -124,7 +128,12 @@ def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | 
 
 
 def _others(
-    tasks: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
+    tasks: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    grading: str,
+    other_hand: dict[str, float],
 ) -> list[dict[str, Any]]:
     """Measures that have no card of their own, as the report has them, with the norms of their figures."""
     kept: dict[tuple[str, str, float], list[Figure]] = {}
@@ -139,8 +148,9 @@ def _others(
         )
         for t in tasks
     ]
-    sections = other_measures(told, language)
-    return [{**s, "norms": norms_told(s, language)} for s in sections if s["rows"]]
+    sections = other_measures(graded_tasks(told, grading, other_hand), language)
+    choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
+    return [{**s, "norms": norms_told(s, language), "gradings": choices if s["grading"] else []} for s in sections if s["rows"]]
 
 
 def _kept(row: Mapping[str, Any]) -> Figure:

@@ -15,15 +15,18 @@ from app.jobs import make_derivative, make_replay_file, make_report
 from app.kept_curves import APERTURE, beside, curves
 from app.protocols import offered
 from app.report import Paper
+from app.report.gradings import DEFAULT, MEASURE, uninjured
 from app.report.units import READABLE
-from app.reporting import changes_of
+from app.reporting import changes_of, course_of
 from estimators.errors import InputError
 from estimators.measures.comparison import Agreement
+from estimators.measures.total_active_motion import GRADINGS
 from sessions import results
 from sessions.tables import Result
 
 router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
 FORMS = {"pdf": "application/pdf", "html": "text/html; charset=utf-8", "csv": "text/csv; charset=utf-8", "json": "application/json"}
+GradingDep = Annotated[str, Query(description=f"who names total active motion: {', '.join(GRADINGS)}")]
 ALONE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # a report brings its own style and loads nothing
 
 
@@ -35,10 +38,13 @@ def read_result(
     language: LanguageDep,
     result_id: int,
     lean: Annotated[bool, Query(description="without the SI figures and what each measure drew: megabytes of a long session")] = False,
+    grading: GradingDep = DEFAULT,
 ) -> dict[str, Any]:
     """State and progress; figures and what the page draws when it is done."""
     r = results.get(db, result_id)
-    read = readings(r.content, r.figures, offered(parts.store.folder)[0], language, changes_of(r) if r.state == "done" else None, lean)
+    other = _uninjured(r) if any(t["measure"] == MEASURE for t in r.content.get("tasks", ())) else {}
+    protocols, changed = offered(parts.store.folder)[0], changes_of(r) if r.state == "done" else None
+    read = readings(r.content, r.figures, protocols, language, changed, lean, grading, other)
     told = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
     return {
         **told,
@@ -54,6 +60,7 @@ def read_result(
         "content": events_for(who, {name: value for name, value in r.content.items() if not (lean and name == "tasks")}),
         "warnings": [language.heard(w) for w in r.warnings],
         "readings": read,
+        "grading": grading,
         "checksum": r.recording.sha256,
     }
 
@@ -100,12 +107,14 @@ def compare(
 
 
 @router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN)])
-async def read_report(db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4") -> Response:
+async def read_report(
+    db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4", grading: GradingDep = DEFAULT
+) -> Response:
     """The report as pdf, html, csv or json; the tables for programs are always in English."""
     if form not in FORMS:
         raise InputError(f"there is no report as {form!r}; forms are {', '.join(FORMS)}")
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_report, result_id, form, language.code, paper)
+    data = await parts.jobs.run(make_report, result_id, form, language.code, paper, grading)
     return _download(
         data, FORMS[form], f"handscope-session-{result.recording.session_id}-{result.method}.{form}", inline=form in ("pdf", "html")
     )
@@ -155,6 +164,11 @@ def _of_one_patient(result: Result, other: Result) -> Result:
     if result.recording.session.patient_id != other.recording.session.patient_id:
         raise InputError("the results are of two patients; compare sessions of one patient")
     return other
+
+
+def _uninjured(r: Result) -> dict[str, float]:
+    session = r.recording.session
+    return uninjured(session.hand, session.patient.affected_hand, course_of(r))
 
 
 def _done(result: Result) -> Result:

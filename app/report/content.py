@@ -121,6 +121,7 @@ class Task:
     measure_title: str
     asked: frozenset[str] | None  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
     curves: tuple[Curve, ...] = ()
+    grading: str = ""  # the scheme that names its figures (gradings.py), where it was chosen
 
     def asks(self, joint: str, angle: str) -> bool:
         return self.asked is None or f"{joint}_{angle}" in self.asked

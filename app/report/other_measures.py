@@ -40,7 +40,8 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
     return {
         "name": trials[0].result.task,
         "title": language.heard(trials[0].measure_title),
-        "task": span_words(trials, language),
+        "task": span_words(trials, language) + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
+        "grading": trials[0].grading,
         "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
         "rows": [_row(each, language) for each in figures.values()],
         "about": [(each[0].what, each[0].part) for each in figures.values()],

@@ -7,8 +7,8 @@ Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum o
 Limits  hyperextension counts as zero and is told by itself; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,13 @@ STRICKLAND = "Strickland & Glogovac 1980, bands as in HandLab Clinical Pearl 18 
 BURN = "Johnson's TAM of the burnt hand, medicalalgorithms.com/deep-dermal-burn"
 NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)  # thumb: the top of eatonhand's degrees
 TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
+GRADINGS: Mapping[str, str] = {  # scheme and who says so
+    "assh": ASSH,
+    "eatonhand": EATONHAND,
+    "eatonhand_degrees": EATONHAND,
+    "strickland": STRICKLAND,
+    "burn": BURN,
+}
 GRADES = ("excellent", "good", "fair", "poor")
 KINDS = kinds(
     Kind("taf", "rad", "sum of the flexions of the finger's joints in a fist", "TAF, as the first part of TAM: " + ASSH),
@@ -72,7 +79,7 @@ class Params:
         "",
         "scheme that gives the words: ASSH in per cent, eatonhand in per cent or degrees, Strickland (zone II flexor repair only), burnt hand",
         "HandLab Clinical Pearl 18; eatonhand clf217; Strickland & Glogovac 1980; Johnson",
-        choices=("assh", "eatonhand", "eatonhand_degrees", "strickland", "burn"),
+        choices=tuple(GRADINGS),
     )
 
 
@@ -188,7 +195,25 @@ def graded_as(scheme: str, m: Motion, other_hand: float | None = None) -> str:
             return "" if m.finger == "thumb" else _banded(round(100 * strickland(m)), (85, 70, 50))
         case "burn":
             return "" if m.finger == "thumb" else "normal" if degrees >= 260 else _banded(degrees, (220, 180, 180))
-    raise InputError(f"there is no grading {scheme!r}; gradings are assh, eatonhand, eatonhand_degrees, strickland, burn")
+    raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
+
+
+def regraded(figures: Sequence[Figure], scheme: str, other_hand: Mapping[str, float] | None = None) -> tuple[Figure, ...]:
+    """Kept figures of a task with the words of a scheme, its source, and shares of the uninjured hand's TAM (rad, by finger) where that is given."""
+    if scheme not in GRADINGS:
+        raise InputError(f"there is no grading {scheme!r}; gradings are {', '.join(GRADINGS)}")
+    angles = {(f.what, f.part): f.value for f in figures}
+    return tuple(_regraded(f, scheme, angles, (other_hand or {}).get(f.part)) if f.what == "tam_share" else f for f in figures)
+
+
+def _regraded(share: Figure, scheme: str, angles: Mapping[tuple[str, str], float], other_hand: float | None) -> Figure:
+    joints = [j for j in TAM_JOINTS[share.part] if ("composite_flexion", j) in angles]
+    extensions = {j: angles["extension_deficit", j] - angles["hyperextension", j] for j in joints}
+    bent = {j: angles["composite_flexion", j] for j in joints}
+    m = Motion(share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme)
+    scale = NORM[share.part] / (other_hand or NORM[share.part])
+    sd = None if share.sd is None else share.sd * scale
+    return replace(share, value=share.value * scale, sd=sd, category=graded_as(scheme, m, other_hand), source=GRADINGS[scheme])
 
 
 def strickland(m: Motion) -> float:

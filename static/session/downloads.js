@@ -45,9 +45,10 @@ export function mount(root, api, { session, result, go }) {
     { onclick: () => once(file, box, () => save(`${base}/replay.html${named.checked ? "?named=true" : ""}`, name("-replay.html"))) },
     t("downloads.replay_file"),
   );
+  const asked = new URLSearchParams({ language, grading: result.grading });
   const tables = [
-    opened(t("downloads.html"), `${base}/report.html?language=${language}`),
-    opened(t("downloads.letter"), `${base}/report.pdf?language=${language}&paper=us-letter`),
+    opened(t("downloads.html"), `${base}/report.html?${asked}`),
+    opened(t("downloads.letter"), `${base}/report.pdf?${asked}&paper=us-letter`),
     saved(t("downloads.csv"), `${base}/report.csv`, name(".csv")),
     saved(t("downloads.json"), `${base}/report.json`, name(".json")),
     saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip")),
@@ -56,7 +57,7 @@ export function mount(root, api, { session, result, go }) {
     h(
       "div",
       { class: "buttons" },
-      opened(t("downloads.pdf"), `${base}/report.pdf?language=${language}`, "button primary large"),
+      opened(t("downloads.pdf"), `${base}/report.pdf?${asked}`, "button primary large"),
       replay,
     ),
     h(

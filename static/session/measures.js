@@ -1,13 +1,16 @@
 /** All measures without a card of their own: figures by name, a column a trial, and what others measured; the words are the report's. */
 import { h } from "../dom.js";
+import { field, select } from "../forms.js";
 import { t } from "../words/words.js";
 
-export function mount(root, api, { result }) {
-  root.append(...result.readings.others.map(section));
+export function mount(root, api, { session, result, go }) {
+  const graded = (scheme) => go(`/sessions/${session.id}?${new URLSearchParams({ result: result.id, grading: scheme })}`, true);
+  root.append(...result.readings.others.map((told) => section(told, graded)));
   return () => {};
 }
 
-function section(told) {
+function section(told, graded) {
+  const chosen = select(told.gradings, told.grading, { onchange: () => graded(chosen.value) });
   const normed = told.norms.some(Boolean);
   const columns = [t("measures.figure"), ...told.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
   const head = columns.filter(Boolean).map((word) => h("th", { scope: "col" }, word));
@@ -18,6 +21,7 @@ function section(told) {
     { class: "card" },
     h("h2", {}, told.title),
     h("p", { class: "soft" }, told.task),
+    told.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
     h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
     h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
   );

@@ -1,10 +1,21 @@
 """Measures without a section of their own: trials side by side, in words, with what others measured."""
 
+from datetime import UTC, datetime
+
+import pytest
+
 from app.language import language
 from app.report.content import Task
+from app.report.gradings import graded, uninjured
 from app.report.other_measures import norms_told, other_measures
-from estimators.measures.assessment import TaskResult
+from estimators.measures import total_active_motion
+from estimators.measures.assessment import TaskResult, assess
 from estimators.measures.figure import Figure, Grade
+from estimators.measures.total_active_motion import GRADINGS, regraded
+from sessions.course import Course, Visit
+from tests.app.report.simulated_sessions import report, session
+
+GERMAN = language("de")
 
 
 def trial(onset: float, value: float, grade: Grade = "good", reason: str = "") -> Task:
@@ -39,3 +50,29 @@ def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> N
     norm, nothing = norms_told(section, language("en"))
     assert nothing is None
     assert norm is not None and norm["told"].endswith("per s") and norm["reference"]
+
+
+@pytest.mark.parametrize("scheme", GRADINGS)
+def test_a_grading_chosen_later_gives_the_words_that_it_would_have_given_first(scheme: str) -> None:
+    recording, processed, results = session()
+    kept = next(r for r in results if r.measure == "total_active_motion")
+    options = {"total_active_motion": total_active_motion.Params(grading=scheme)}
+    first = next(r for r in assess(processed.trajectory, recording.events, options=options) if r.measure == "total_active_motion")
+    words = {f.part: f.category for f in first.figures if f.what == "tam_share"}
+    later = {f.part: f for f in regraded(kept.figures, scheme) if f.what == "tam_share"}
+    assert len(words) == 5 and {part: f.category for part, f in later.items()} == words
+    assert {f.source for f in later.values()} == {GRADINGS[scheme]}
+    (section,) = [s for s in other_measures(graded(report(session()), scheme).tasks, GERMAN) if s["grading"]]
+    assert GERMAN.say(f"grading.{scheme}") in section["task"]
+
+
+def test_total_active_motion_is_a_share_of_the_other_hand_where_only_this_one_is_affected() -> None:
+    kept = next(r for r in session()[2] if r.measure == "total_active_motion")
+    tam = next(f.value for f in kept.figures if f.name == "ring_tam")
+    past = Course((), Visit(datetime(2026, 11, 20, tzinfo=UTC), {("total_active_motion", "rom_fist", "ring_tam"): (2 * tam, "rad")}))
+    for affected, share in (("left", 0.5), ("both", None), ("right", None), (None, None)):
+        other = uninjured("left", affected, past)
+        found = next(f for f in regraded(kept.figures, "assh", other) if f.name == "ring_tam_share")
+        own = next(f for f in kept.figures if f.name == "ring_tam_share")
+        assert found.value == pytest.approx(share or own.value), affected
+        assert (found.category == "poor") is (share == 0.5)

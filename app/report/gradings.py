@@ -1,0 +1,40 @@
+"""The words of a grading scheme for total active motion, chosen by whoever reads: a page, a report.
+
+Source  estimators/measures/total_active_motion.py; a share is of the other hand's motion where that hand is not affected, else of the norm
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from app.report.content import Content, Task
+from estimators.hand_anatomy import FINGERS
+from estimators.measures.total_active_motion import GRADINGS, regraded
+from sessions.course import Course
+
+MEASURE = "total_active_motion"
+DEFAULT = next(iter(GRADINGS))
+
+
+def graded(content: Content, scheme: str) -> Content:
+    """A report's content with the words of a scheme."""
+    other = uninjured(content.hand, content.visit.affected, content.course)
+    return replace(content, tasks=graded_tasks(content.tasks, scheme, other))
+
+
+def graded_tasks(tasks: Sequence[Task], scheme: str, other: dict[str, float]) -> tuple[Task, ...]:
+    return tuple(
+        replace(t, result=replace(t.result, figures=regraded(t.result.figures, scheme, other)), grading=scheme)
+        if t.result.measure == MEASURE
+        else t
+        for t in tasks
+    )
+
+
+def uninjured(hand: str, affected: str | None, course: Course | None) -> dict[str, float]:
+    """TAM (rad, by finger) of the other hand where only this one is affected."""
+    if affected != hand or course is None or course.other is None:
+        return {}
+    found = {
+        f: [v for (measure, _, name), (v, _) in course.other.values.items() if (measure, name) == (MEASURE, f"{f}_tam")] for f in FINGERS
+    }
+    return {f: max(values) for f, values in found.items() if values and max(values) > 0}
