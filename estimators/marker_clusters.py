@@ -27,6 +27,13 @@ NAME = re.compile(rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNOREC
 TIP = re.compile(rf"(?:.*:)?(?P<finger>{'|'.join(FINGERS)})_tip$", re.IGNORECASE)
 NAMING = "three or more markers a segment named like index_proximal_1, index_proximal_2, index_proximal_3; tips like index_tip"
 STILL = 0.001  # m, standard deviation of every marker's place in the flat pose; ours, above the noise of optical systems (0.1-0.5 mm)
+UPRIGHT = np.radians(
+    45.0
+)  # of fingers that are said to lie flat; ours: clusters on a hand's back and on a finger differ in height by up to 20 deg
+SIDE_BY_SIDE = 0.005  # m between the outermost fingers' clusters from which on their order is looked at
+OTHERWISE = (
+    "another axis of the markers' frame points up (--up), the hand is the other one (--hand), or the stretch is another one (--static)"
+)
 FLATNESS = 0.05  # second to first singular value below which a cluster's markers lie on a line and tell no turn about it
 
 
@@ -199,21 +206,31 @@ def _quaternion(R: Array) -> Array:
 
 def _lying(fits: Mapping[str, Cluster], hand: Hand, up: Array) -> Array:
     """The hand's orientation q_GH (4,) in the flat pose: dorsal is up, distal along the fingers."""
-    along = np.zeros(3)
+    along, roots = np.zeros(3), []
     for finger in FINGERS[1:]:
         centres = [fits[s].rest.mean(axis=0) for s in CHAINS[finger] if s in fits]
+        roots += centres[:1]
         if "hand" in fits and centres and len(centres) < 2:
             centres = [fits["hand"].rest.mean(axis=0), *centres]
         if len(centres) >= 2:
             bone = centres[-1] - centres[0]
-            bone = bone - (bone @ up) * up
             along += bone / np.linalg.norm(bone)
     if np.linalg.norm(along) < 1e-9:
         raise InputError(f"no finger from index to little has markers that tell its direction: needed are {NAMING}")
-    distal = along / np.linalg.norm(along)
+    if (tilt := np.arcsin(abs(along @ up) / np.linalg.norm(along))) > UPRIGHT:
+        raise InputError(f"in the flat pose the fingers stand {np.degrees(tilt):.0f} deg out of the level: {OTHERWISE}")
+    distal = along - (along @ up) * up
+    distal = distal / np.linalg.norm(distal)
     sign = side_sign(hand)
     x, y = sign * up, sign * distal
-    return quat.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    z = np.cross(x, y)
+    across = roots[-1] - roots[0]
+    across = across - (across @ distal) * distal
+    if np.linalg.norm(across) > SIDE_BY_SIDE and sign * z @ across <= abs(up @ across):
+        raise InputError(
+            f"in the flat pose the fingers from index to little do not lie side by side as those of a {hand} hand, palm down: {OTHERWISE}"
+        )
+    return quat.from_matrix(np.stack([x, y, z], axis=-1))
 
 
 def _in_pose(segment: str, thumb_cmc: Array) -> Array:

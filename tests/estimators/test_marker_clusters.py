@@ -222,3 +222,19 @@ def test_markers_that_tell_nothing_are_refused(change: object, sentence: str) ->
     with pytest.raises(InputError) as refusal:
         tracked(change(marked()[0]))
     assert sentence in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("up", "hand"),
+    [
+        ([0.0, 0.0, -1.0], "left"),
+        ([np.cos(0.4), np.sin(0.4), 0.0], "left"),
+        ([np.sin(0.4), -np.cos(0.4), 0.0], "left"),
+        ([0.0, 0.0, 1.0], "right"),
+    ],
+)
+def test_a_wrong_axis_or_hand_is_seen_by_how_the_fingers_lie(up: list[float], hand: Hand) -> None:
+    """Up is down; up is along the fingers; up is to the side; the hand is the other one."""
+    markers, _ = marked("left")
+    with pytest.raises(InputError, match="another axis of the markers' frame points up"):
+        tracked(markers, hand, FlatPose(0.0, 2.0, np.array(up), np.zeros(3)))
