@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from estimators.errors import InputError
-from estimators.measures.synchronisation import Drift, Lag, Signal, interpolated, pooled, rate_of, synchronised, variance
+from estimators.measures.synchronisation import Drift, Lag, Signal, interpolated, pooled, rate_of, smoothed, synchronised, variance
 from estimators.quaternions import Array
 
 MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
@@ -55,6 +55,8 @@ def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> L
         return lag
     moving = variance(a.values) > 1e-4 * variance(a.values).max()
     a, b = Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving])
+    samples_a, samples_b = a, b
+    a, b = smoothed(a, b)
     edges = np.linspace(a.t[0], a.t[-1], int(min(WINDOWS, span // SHORTEST)) + 1)
     parts = [_between(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
     middles, lags, weights = _followed(parts, b, lag, around)
@@ -70,7 +72,7 @@ def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> L
     better = pooled(a.values, interpolated(b, found.on_b(a.t)))
     if better < pooled(a.values, interpolated(b, a.t - lag.seconds)):  # the windows have followed something else
         return replace(lag, drift=replace(drift, applied=False))
-    return replace(found, correlation=better, overlap=span)
+    return replace(found, correlation=pooled(samples_a.values, interpolated(samples_b, found.on_b(a.t))), overlap=span)
 
 
 def _busiest(a: Signal) -> list[Signal]:

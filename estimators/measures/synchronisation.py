@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import convolve1d
 from scipy.optimize import minimize_scalar
 
 from estimators.errors import InputError
 from estimators.quaternions import Array
 
 GRID = 50.0  # Hz of the search at most: a hand moves below 10 Hz; the lag is then refined on the samples themselves
+SMOOTHING = 0.02  # s, standard deviation of the low-pass for the refined lag: half at 9 Hz
 LONGEST_GAP = 0.1  # s between known samples that is still interpolated
 LEAST_OVERLAP = 0.25  # of the shorter recording that both must show; ours
 SHORTEST_OVERLAP = 1.0  # s
@@ -90,7 +92,7 @@ def synchronised(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
             f"{f' at lags up to {longest:g} s' if np.isfinite(longest) else ''}; choose two recordings of one movement"
         )
     best, rival = _chosen(lags, np.where(usable, r, -np.inf), overlap)
-    found = _refined(Signal(a.t[:: (thin := max(1, round(rate_of(a) / rate)))], a.values[::thin]), b, float(lags[best]), 1.0 / rate)
+    found = _refined(a, b, float(lags[best]), 1.0 / rate)
     needed = np.clip(_by_chance(on_a, on_b, float(overlap[best]), rate), LEAST_CORRELATION, CONVINCING)
     if found.correlation < needed:
         raise InputError(
@@ -208,12 +210,30 @@ def _vertex(r: Array, k: int) -> float:
     return float(min(1.0, r[k] - (r[k + 1] - r[k - 1]) ** 2 / (8 * curve))) if curve < 0 else float(r[k])
 
 
+def smoothed(a: Signal, b: Signal) -> tuple[Signal, Signal]:
+    """Both through the same low-pass, NaN where they were: between samples noise is averaged, and its lower variance draws a lag to half a sample."""
+    sd = max(SMOOTHING, 1.0 / rate_of(a), 1.0 / rate_of(b))
+    return _smoothed(a, sd), _smoothed(b, sd)
+
+
+def _smoothed(signal: Signal, sd: float) -> Signal:
+    samples = sd * rate_of(signal)
+    reach = int(np.ceil(3 * samples))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / samples) ** 2)
+    known = np.isfinite(signal.values)
+    share = convolve1d(known.astype(float), kernel, axis=0, mode="constant")
+    sums = convolve1d(np.where(known, signal.values, 0.0), kernel, axis=0, mode="constant")
+    return Signal(signal.t, np.where(known, sums / np.where(known, share, 1.0), np.nan))
+
+
 def _refined(a: Signal, b: Signal, lag: float, step: float) -> Lag:
-    """The lag within a grid step either way at which B, interpolated, fits A's samples best."""
+    """The lag within a grid step either way at which B, interpolated, fits A's samples best, and the correlation of the samples there."""
     moving = variance(a.values) > 1e-4 * variance(a.values).max()  # the others tell nothing and cost as much
-    x, y = a.values[:, moving], Signal(b.t, b.values[:, moving])
+    soft_a, soft_b = smoothed(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
+    thin = max(1, round(rate_of(a) * step))
+    at, x = soft_a.t[::thin], soft_a.values[::thin]
     found = minimize_scalar(
-        lambda s: -pooled(x, interpolated(y, a.t - s)), bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-6}
+        lambda s: -pooled(x, interpolated(soft_b, at - s)), bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-6}
     )
     s = float(found.x)
     return Lag(s, pooled(a.values, interpolated(b, a.t - s)), np.nan)
