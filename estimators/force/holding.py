@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
+from estimators.fingertips import FINGERTIPS, contact_points_of
 from estimators.force import contact
 from estimators.force.contact import ContactParams
 from estimators.hand_anatomy import FINGERS, SEGMENT
+from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 
@@ -32,8 +34,8 @@ class Holding:
     forces: Array  # (n, S, 3) N, in the global frame
     sd: Array  # (n, S, 3) N
     lifting: Array  # (n, 3) m/s^2, specific force g + a
-    axis: Array  # (n, 3) unit vector from the other fingertips to the thumb's, in the global frame; NaN without thumb or fingertips
-    distance: Array  # (n,) m between them
+    axis: Array  # (n, 3) unit vector from the other fingers towards the thumb, in the global frame; NaN without a thumb
+    distance: Array  # (n,) m between the pads, along it
     speed: Array  # (n,) m/s upwards
     height: Array  # (n,) m above where it was grasped
     flags: NDArray[np.uint8]  # (n, S)
@@ -63,6 +65,13 @@ class Holding:
         return np.asarray(0.5 * np.linalg.norm(others - self.forces[:, k], axis=1))
 
     @property
+    def squeeze(self) -> Array:
+        """(n,) N: what the fingers push against each other along the line between them (half of (6.6))."""
+        k = self.fingers.index("thumb")
+        others = np.delete(self.forces, k, axis=1).sum(axis=1)
+        return np.asarray(0.5 * ((others - self.forces[:, k]) * self.axis).sum(axis=1))
+
+    @property
     def shares(self) -> Array:
         """(n, S) of the fingers in the sum of the sizes of their forces."""
         size = np.linalg.norm(self.forces, axis=2)
@@ -84,19 +93,19 @@ def measured(trajectory: Trajectory) -> tuple[str, ...]:
     return tuple(f for k, f in enumerate(FINGERS) if np.isfinite(trajectory.forces[:, k]).any())
 
 
-def holdings(params: ContactParams, trajectory: Trajectory) -> list[Holding]:
-    """Every grasp of the stretch, in order."""
+def holdings(params: ContactParams, trajectory: Trajectory, geometry: HandGeometry | None = None) -> list[Holding]:
+    """Every grasp of the stretch, in order; with a geometry places are those of the pads, without those of the bones' ends."""
     fingers = measured(trajectory)
     if not fingers or trajectory.forces is None:
         return []
     sizes = np.linalg.norm(trajectory.forces[:, [FINGERS.index(f) for f in fingers]], axis=2)
-    return [_holding(trajectory.between(g.onset, g.end), fingers) for g in contact.grasps(params, trajectory.t, sizes)]
+    return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in contact.grasps(params, trajectory.t, sizes)]
 
 
-def _holding(part: Trajectory, fingers: Sequence[str]) -> Holding:
+def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
     rows = [FINGERS.index(f) for f in fingers]
     assert part.forces is not None and part.forces_sd is not None and part.force_flags is not None and part.lifting is not None
-    axis, distance = _between(part, rows)
+    axis, distance = _between(part, _pads(part, fingers, geometry), part.forces[:, rows], fingers)
     return Holding(
         part.t,
         tuple(fingers),
@@ -110,16 +119,28 @@ def _holding(part: Trajectory, fingers: Sequence[str]) -> Holding:
     )
 
 
-def _between(part: Trajectory, rows: list[int]) -> tuple[Array, Array]:
-    """From the mean of the other fingertips to the thumb's: direction in the global frame, and distance."""
-    others = [k for k in rows if k != FINGERS.index("thumb")]
-    if len(others) == len(rows) or not others:
+def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:
+    """Where the fingers touch (n, S, 3) in the wrist frame."""
+    if geometry is None:
+        return part.tips[:, [FINGERS.index(f) for f in fingers]]
+    return np.stack([contact_points_of(part, geometry, f, "bottom", FINGERTIPS[f]) for f in fingers], axis=1)
+
+
+def _between(part: Trajectory, pads: Array, forces: Array, fingers: Sequence[str]) -> tuple[Array, Array]:
+    """The line from the other fingers to the thumb in the global frame, and how far apart they are along it.
+
+    The forces tell the line, as they push along it; two places some centimetres apart and each wrong by one would be off by ten degrees.
+    """
+    if "thumb" not in fingers or len(fingers) < 2:
         return np.full((len(part), 3), np.nan), np.full(len(part), np.nan)
-    apart = part.tips[:, FINGERS.index("thumb")] - part.tips[:, others].mean(axis=1)
-    distance = np.linalg.norm(apart, axis=1)
+    k = fingers.index("thumb")
+    apart = pads[:, k] - np.delete(pads, k, axis=1).mean(axis=1)
     q_GW = part.q_GS[:, SEGMENT["forearm"]]
     q_GW = np.where(np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]])  # without a forearm sensor WCS moves with the hand
-    return quat.rotate(q_GW, apart / distance[:, None]), distance
+    push = quat.rotate(quat.conjugate(q_GW), np.delete(forces, k, axis=1).sum(axis=1) - forces[:, k])
+    line = np.nansum(push, axis=0)
+    line = line / max(float(np.linalg.norm(line)), 1e-9)
+    return quat.rotate(q_GW, line), np.asarray(apart @ line)
 
 
 def _risen(t: Array, acceleration: Array) -> tuple[Array, Array]:

@@ -17,6 +17,10 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import every
 
+MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
+SURE = 3.5  # standard deviations of the size of a vector of noise
+LIKELY = 2.5  # of what it may have drifted by meanwhile: more would take a light grip for nothing
+
 
 @dataclass(frozen=True, kw_only=True)
 class ZeroParams:
@@ -63,14 +67,16 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bo
     free = np.zeros(len(t), bool)
     if known.sum() < 3:
         return free
-    gate = max(params.least, 4 * noise)
+    gate = max(params.least, SURE * noise)
     level = _resting(y[known], gate)
     start = int(np.flatnonzero(known)[np.argmin(np.linalg.norm(y[known] - level, axis=1))])
     for order in (range(start, len(t)), range(start - 1, -1, -1)):
         here, since = level.copy(), t[start]
         for k in order:
-            if known[k] and np.abs(y[k] - here).max() < gate + params.drift * np.sqrt(abs(t[k] - since)):
-                here, since, free[k] = here + 0.2 * (y[k] - here), t[k], True
+            off = np.linalg.norm(y[k] - here)
+            if known[k] and off < max(gate, LIKELY * np.sqrt(noise**2 + params.drift**2 * abs(t[k] - since))):
+                here = here + (1 - np.exp(-abs(t[k] - since) / MEMORY)) * (y[k] - here)
+                since, free[k] = t[k], True
     period = float(np.median(np.diff(t)))
     wide = 2 * max(1, round(params.guard / period)) + 1
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
@@ -79,7 +85,7 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bo
 def _resting(y: Array, gate: float) -> Array:
     """The level (3,) at which a sensor is most often: what has most readings within the gate."""
     thin = y[:: max(1, len(y) // 400)]
-    near = (np.abs(thin[:, None] - thin[None]).max(axis=-1) < gate).sum(axis=1)
+    near = (np.linalg.norm(thin[:, None] - thin[None], axis=-1) < gate).sum(axis=1)
     return np.asarray(thin[np.argmax(near)])
 
 

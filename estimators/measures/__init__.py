@@ -15,6 +15,7 @@ from estimators.measures import (
     range_of_motion,
     reach,
     self_check,
+    squeeze,
     tapping,
     thumb_abduction,
     total_active_motion,
@@ -38,4 +39,5 @@ MEASURES: dict[str, ModuleType] = {
     "tremor": tremor,
     "reach": reach,
     "lift": lift,
+    "squeeze": squeeze,
 }

@@ -132,7 +132,7 @@ class _Grip:
         grip = held * LIGHTEST + 0.5 * MARGIN / FRICTION * np.linalg.norm(total, axis=1)
         grip *= np.prod([1 + 0.6 * smooth((t - s - SLIPPING) / 0.1) for s in self.mishap.slips], axis=0)
         if thing.stiffness:
-            speed = -np.gradient(distance, k.t) if len(k.t) > 1 else 0.0
+            speed = -np.gradient(distance, k.t) if thing.damping and len(k.t) > 1 else 0.0
             grip = np.maximum(thing.stiffness * (thing.length - distance) + thing.damping * speed, 0.0) * (held > 0)
         toward = apart / distance[:, None]
         push, carried = grip[:, None] * toward, (1 - self.mishap.third) * total

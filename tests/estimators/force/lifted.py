@@ -29,8 +29,9 @@ def done(
     made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)
     t = made.truth.t - pose.motion.duration
     assert task.forces is not None
-    forces = task.forces(kinematics.of_motion(task.motion, somebody.true, np.maximum(t, 0.0)))
-    return made, np.where((t >= 0)[:, None, None], forces, 0.0)
+    forces = np.zeros((len(t), 5, 3))
+    forces[t >= 0] = task.forces(kinematics.of_motion(task.motion, somebody.true, t[t >= 0]))
+    return made, forces
 
 
 def followed(made: Simulated) -> Processed:

@@ -1,0 +1,91 @@
+"""How what is held answers to the force on it, frequency by frequency, and whether that may be read from data without a perturbation of its own.
+
+In      force u (n,) N and movement y (n,) m on an even time base t (n,)
+Out     Response: S_uy / S_uu with coherence and standard deviation; Conditions: what of 6.5.1 the data bear out
+Source  Kortier, thesis (6.16) to (6.23): the estimate approaches the load where the hand's own force dominates, and -1/H where other sources do;
+        standard deviation: Bendat & Piersol, Random Data, 9.2; thresholds ours
+Limits  that the force is not a reaction to movements cannot be proved from the two signals: a coherence below one tells that something else moves or pushes
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import csd
+
+from estimators.quaternions import Array
+
+EXCITED = 0.02  # of the largest power of the force: frequencies with more are excited
+BANDWIDTH = 0.95  # share of the force's power below its bandwidth
+LEAST = 4  # segments of which something is told
+COHERENT = 0.8
+TIMING = 0.01  # s by which force and movement may be shifted against each other: a sample at 100 Hz
+
+
+@dataclass(frozen=True)
+class Response:
+    frequency: Array  # (f,) Hz
+    P: NDArray[np.complex128]  # (f,) m/N
+    sd: Array  # (f,) m/N of its size
+    coherence: Array  # (f,)
+    power: Array  # (f,) N^2/Hz of the force
+    segments: float  # that count as independent
+
+    @property
+    def excited(self) -> NDArray[np.bool_]:
+        """Frequencies (f,) at which the force has power."""
+        return np.asarray((self.power > EXCITED * self.power.max()) & (self.frequency > 0))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """None: the data cannot tell."""
+
+    independent: bool | None  # 1a: the force explains the movement
+    wide: bool | None  # 1b: the force reaches as far up as the load answers
+    passive: bool | None  # 2: energy flows into the load
+    coherence: float  # mean over what is excited
+    force_bandwidth: float  # Hz
+    load_bandwidth: float  # Hz; infinite where the answer does not fall within what is excited
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What is not borne out, in words."""
+        said = (
+            (self.independent, "the movement is not explained by the measured force alone"),
+            (self.wide, "the force did not change fast enough to show how the object answers"),
+            (self.passive, "energy came out of what should be passive: something else moved it"),
+        )
+        return tuple(words for held, words in said if held is False)
+
+
+def response(t: Array, u: Array, y: Array, length: float = 3.0) -> Response:
+    """By Welch's method with segments of `length` s that overlap by half; (6.16)."""
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    n = min(len(t), round(length * rate))
+    (frequency, S_uu), (_, S_yy), (_, S_uy) = (csd(a, b, fs=rate, nperseg=n) for a, b in ((u, u), (y, y), (u, y)))
+    segments = max(1.0, (2 * len(t) / n - 1) * 9 / 11)  # half overlap of Hann windows: 9/11 as many count (Welch 1967)
+    power = np.abs(S_uu)
+    coherence = np.abs(S_uy) ** 2 / np.maximum(power * np.abs(S_yy), 1e-300)
+    P = np.asarray(S_uy / np.maximum(power, 1e-300), complex)
+    sd = np.abs(P) * np.sqrt((1 - coherence).clip(0) / np.maximum(2 * segments * coherence, 1e-12))
+    return Response(frequency, P, sd, coherence, power, segments)
+
+
+def conditions(r: Response) -> Conditions:
+    """The two conditions of 6.5.1 on the data."""
+    excited = r.excited
+    total = np.cumsum(r.power[1:])
+    force_bandwidth = float(r.frequency[1:][np.searchsorted(total, BANDWIDTH * total[-1])])
+    if r.segments < LEAST or not excited.any():
+        return Conditions(None, None, None, float("nan"), force_bandwidth, float("nan"))
+    coherence = float(np.average(r.coherence[excited], weights=r.power[excited]))
+    seen = excited & (r.coherence > COHERENT)
+    size, f = np.abs(r.P[seen]), r.frequency[seen]
+    fallen = np.flatnonzero(size < size[:1] / np.sqrt(2))
+    load_bandwidth = float(f[fallen[0]]) if len(fallen) else float("inf")
+    # energy a cycle that goes into the load is -Im P times the force's power: a lag of the movement
+    into = -np.imag(r.P[seen])
+    back = bool(len(into)) and float(np.average(into + 2 * r.sd[seen] + TIMING * 2 * np.pi * f * size, weights=r.power[seen])) < 0
+    wide = None if not np.isfinite(load_bandwidth) else force_bandwidth >= load_bandwidth
+    return Conditions(coherence > COHERENT, wide, not back if len(into) else None, coherence, force_bandwidth, load_bandwidth)

@@ -1,0 +1,225 @@
+"""Squeezing what gives way: how hard, how often, how evenly, and how stiff it seems to be.
+
+In      a trajectory with fingertip forces of the thumb and another finger, the stretch of time of the task
+Out     squeezes with their forces and depths, shares of the fingers, work, stiffness and damping with their standard deviations
+Source  Kortier, thesis ch. 6: (6.6), (6.8), (6.16), (1.15); 6.2.3: a spring compressed eight times
+Limits  the stiffness is as good as the change of the fingertips' distance is: 5 % from person to person in simulation (docs/reproduction.md); fingertips that
+        give way make the object seem softer
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from estimators.force import exchange, frequency_response, holding, identification
+from estimators.force.contact import ContactParams
+from estimators.force.frequency_response import Conditions
+from estimators.force.holding import UNSURE, Holding
+from estimators.force.identification import Fit
+from estimators.hand_geometry import HandGeometry
+from estimators.measures.asked import UNKNOWN, Asked, words_of
+from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
+from estimators.measures.held import within
+from estimators.measures.lift import KORTIER, NONE
+from estimators.measures.shown import Curve, Shown
+from estimators.measures.signals import even
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.trajectory import Trajectory
+
+TITLE = "Squeeze"
+KINDS = kinds(
+    Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
+    Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
+    Kind("squeeze_force_cv", "1", "variation of the largest forces: standard deviation over mean", "ours"),
+    Kind("squeeze_rate", "Hz", "squeezes a second", "ours"),
+    Kind("squeeze_depth", "m", "mean of how much nearer the fingertips came in a squeeze", KORTIER),
+    Kind("squeeze_stiffness", "N/m", "estimated stiffness of the object along the line between the fingertips", f"{KORTIER}, (6.6), of the whole object"),
+    Kind("squeeze_damping", "N s/m", "estimated damping of the object along that line", f"{KORTIER}, (6.6)"),
+    Kind("squeeze_work", "J", "mean work that the fingers do on the object in a squeeze", f"{KORTIER}, (1.15)"),
+    Kind("squeeze_coherence", "1", "how much of the distance's change the force explains, where the force changes; 1 is all", f"{KORTIER}, 6.5.1"),
+    Kind("squeeze_share", "1", "share of the finger in the sum of the sizes of the forces", KORTIER),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(ContactParams):
+    shortest: float = option(1.0, "s", "a shorter touch is none", "ours", least=0.0)
+    margin: float = option(0.3, "s", "at both ends of a grasp that tell nothing: fingers settle", "ours", least=0.0)
+    prominence: float = option(
+        0.25, "1", "share of the force's range by which a squeeze stands out", "ours: as of tapping", least=0.05, most=0.9
+    )
+    least_force: float = option(1.0, "N", "range of the force below which nothing was squeezed", "ours: ten times its error", least=0.1)
+    least_depth: float = option(
+        3e-3, "m", "range of the distance below which the object counts as rigid", "ours: what the fingertips' places wander by", least=1e-4
+    )
+    gain_sd: float = option(
+        0.055, "1", "error of a change of the fingertips' distance", "docs/reproduction.md, kortier6: RMS over simulated people", least=0.0
+    )
+    scale_sd: float = option(0.02, "1", "error of the forces' scale", "BioMed Eng OnLine 11:90, Table 4", least=0.0)
+    timing: float = option(
+        0.01, "s", "by how much forces and places may be shifted against each other", "ours: a sample at 100 Hz", least=0.0
+    )
+    lowpass: float = option(6.0, "Hz", "what is faster is taken for noise", "ours: the bandwidth of a sensor at 12 Hz", least=1.0)
+
+
+@dataclass(frozen=True)
+class Squeezed:
+    """One grasp with squeezes, on an even time base."""
+
+    held: Holding
+    t: Array  # (n,) s
+    force: Array  # (n,) N
+    distance: Array  # (n,) m
+    peaks: Array  # (k,) s
+    tops: Array  # (k,) N
+    depths: Array  # (k,) m
+    work: Array  # (k,) J
+    fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it cannot be told
+    conditions: Conditions | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Squeeze:
+    params: Params
+    measured: bool
+    grasps: tuple[Squeezed, ...]
+    grade: Grade
+    reason: str
+
+
+def applies(task_name: str) -> bool:
+    return bool({"squeeze", "squeezing"} & words_of(task_name))
+
+
+def measure(
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    geometry: HandGeometry | None = None,
+    asked: Asked = UNKNOWN,
+) -> Squeeze:
+    """Every grasp of the stretch in which something was squeezed."""
+    part = within(trajectory, onset, end)
+    fingers = holding.measured(part)
+    if not fingers:
+        return Squeeze(params, False, (), "poor", NONE)
+    if "thumb" not in fingers or len(fingers) < 2:
+        return Squeeze(params, False, (), "poor", "squeezing needs force sensors on the thumb and another finger")
+    found = [made for h in holding.holdings(params, part, geometry) if (made := _squeezed(params, h)) is not None]
+    if not found:
+        return Squeeze(params, True, (), "poor", "nothing was squeezed")
+    told = [("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found]
+    return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
+
+
+def _squeezed(params: Params, h: Holding) -> Squeezed | None:
+    """What one grasp tells; None where nothing changes in it."""
+    inside = (h.t > h.t[0] + params.margin) & (h.t < h.t[-1] - params.margin)
+    known = inside & np.isfinite(h.squeeze) & np.isfinite(h.distance)
+    if known.sum() < 32:
+        return None
+    force, distance = (even(h.t[known], v[known], lowpass=params.lowpass) for v in (h.squeeze, h.distance))
+    extent = float(np.ptp(force.values))
+    if extent < params.least_force:
+        return None
+    top, _ = find_peaks(force.values, prominence=params.prominence * extent)
+    if not len(top):
+        return None
+    t, x, p = force.t, force.values, distance.values
+    valleys = [int(a) + int(np.argmin(x[a:b])) for a, b in zip(top, top[1:])]
+    edges = [0, *valleys, len(t) - 1]
+    depths = np.array([max(p[edges[k]], p[edges[k + 1]]) - p[a] for k, a in enumerate(top)])
+    watts = exchange.power(x[:, None, None], -np.gradient(p, t)[:, None, None])
+    total = exchange.work(t, watts)
+    half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
+    told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
+    fit, conditions, reasons = _identified(params, h, inside, t[told], x[told], p[told])
+    return Squeezed(h, t, x, p, t[top], x[top], depths, total[top] - total[np.array(edges[:-1])], fit, conditions, "; ".join(reasons))
+
+
+def _identified(
+    params: Params, h: Holding, inside: np.ndarray, t: Array, x: Array, p: Array
+) -> tuple[Fit | None, Conditions | None, list[str]]:
+    """Stiffness and damping (6.6) where the data bear them, and what there is to be said."""
+    reasons = [r for r in [h.flagged(inside)] if r]
+    doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
+    if np.ptp(p) < params.least_depth:
+        return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
+    told = frequency_response.conditions(frequency_response.response(t, x, p))
+    fit = identification.fitted(x[:, None], np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None], np.full(len(t), 0.1))
+    explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
+    if explained < 0.7 or fit.theta[0] <= 0:
+        return None, told, [*reasons, *told.reasons, "force and distance do not go together as those of a spring do"]
+    return (None if doubtful else fit), told, [*reasons, *told.reasons]
+
+
+def figures(r: Squeeze) -> list[Figure]:
+    """Over all squeezes of the task."""
+    told = (r.grade, r.reason)
+    if not r.grasps:
+        return [
+            kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *told)
+            for what, kind in KINDS.items()
+            if what != "squeeze_share"
+        ]
+    tops, depths, works = (np.concatenate([getattr(one, name) for one in r.grasps]) for name in ("tops", "depths", "work"))
+    spans = [float(one.peaks[-1] - one.peaks[0]) for one in r.grasps]
+    gaps = sum(len(one.peaks) - 1 for one in r.grasps)
+    sd = float(np.mean([0.5 * np.sqrt((one.held.sd**2).mean(axis=0).sum() / 3) for one in r.grasps]))
+    spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
+    root = np.sqrt(len(tops))
+    gain = float(np.hypot(r.params.gain_sd, 0.0))
+    made = [
+        KINDS["squeeze_count"].of(float(len(tops)), 0.0, *told),
+        KINDS["squeeze_force"].of(float(tops.mean()), float(np.hypot(spread / root, sd)), *told),
+        KINDS["squeeze_force_cv"].of(spread / float(tops.mean()) if len(tops) > 1 else np.nan, 1 / np.sqrt(2 * max(len(tops) - 1, 1)) * spread / float(tops.mean()), *told),
+        KINDS["squeeze_rate"].of(gaps / sum(spans) if gaps else np.nan, 0.1 / max(sum(spans), 0.1) * (gaps / max(sum(spans), 0.1)), *told),
+        KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *told),
+        *_parameters(r),
+        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.hypot(gain, r.params.scale_sd) * works.mean())), *told),
+        KINDS["squeeze_coherence"].of(_coherence(r.grasps), None, *told),
+    ]  # fmt: skip
+    for k, finger in enumerate(r.grasps[0].held.fingers):
+        share = np.mean([one.held.shares[:, k].mean() for one in r.grasps])
+        made.append(KINDS["squeeze_share"].of(float(share), 0.03, *told, finger))
+    return made
+
+
+def _coherence(grasps: Sequence[Squeezed]) -> float:
+    each = [one.conditions.coherence for one in grasps if one.conditions]
+    return float(np.mean(each)) if each else float("nan")
+
+
+def _parameters(r: Squeeze) -> list[Figure]:
+    """Stiffness and damping, the mean of the grasps that tell them weighted by what they leave over."""
+    K = KINDS["squeeze_stiffness"], KINDS["squeeze_damping"]
+    fits = [one.fit for one in r.grasps if one.fit]
+    if not fits:
+        return [kind.of(np.nan, None, "poor", r.reason) for kind in K]
+    weights = np.array([1 / f.sd[[0, 2]] ** 2 for f in fits])
+    values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
+    scatter = 1 / np.sqrt(weights.sum(axis=0))
+    alike = float(np.hypot(r.params.gain_sd, r.params.scale_sd))
+    sd = np.hypot(scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])])
+    return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
+
+
+def shown(r: Squeeze) -> Shown:
+    """Force and distance over time with the squeezes, and how the object answers to each frequency."""
+    if not r.grasps:
+        return Shown()
+    one = max(r.grasps, key=lambda g: len(g.t))
+    curves = [Curve("squeeze_force", "N", one.t, one.force), Curve("squeeze_distance", "m", one.t, one.distance)]
+    if one.conditions is not None:
+        answer = frequency_response.response(one.t, one.force, one.distance)
+        seen = answer.excited
+        curves += [
+            Curve("squeeze_response", "m/N", answer.frequency[seen], np.abs(answer.P[seen]), "Hz"),
+            Curve("squeeze_coherence", "1", answer.frequency[seen], answer.coherence[seen], "Hz"),
+        ]
+    return Shown(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})

@@ -1,0 +1,118 @@
+"""A squeeze from the readings to the stiffness; how what is held answers to frequencies; work; what a force sensor's readings mean."""
+
+import numpy as np
+import pytest
+
+from estimators.errors import InputError
+from estimators.force import exchange, frequency_response, sensor
+from estimators.measures import squeeze
+from estimators.measures.figure import Figure
+from estimators.simulation import held_object
+from estimators.simulation.held_object import Mishap
+from estimators.simulation.scenario import Simulated
+from tests.estimators.force.lifted import done, followed
+
+
+def figures(made: Simulated) -> dict[str, Figure]:
+    event = next(e for e in made.events if e.trial_type == "task")
+    found = squeeze.measure(squeeze.Params(), followed(made).trajectory, event.onset, event.end, made.geometry)
+    return {f.name: f for f in squeeze.figures(found)}
+
+
+def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
+    off, surprise = [], []
+    for seed in range(6):
+        made, true = done(seed, held_object.squeeze, stiffness=600.0)
+        f = figures(made)
+        assert f["squeeze_count"].value == 8
+        assert f["squeeze_rate"].value == pytest.approx(1 / 1.2, rel=0.02)
+        push = np.linalg.norm(true[:, 0], axis=1)
+        assert f["squeeze_force"].value < push.max() * 1.1
+        K = f["squeeze_stiffness"]
+        assert K.sd
+        off.append(abs(K.value / 600 - 1))
+        surprise.append(((K.value - 600) / K.sd) ** 2)
+        assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
+        assert f["squeeze_coherence"].value > 0.95
+    assert np.mean(off) < 0.08
+    assert np.mean(surprise) < 2.5
+
+
+def test_a_damper_is_told_from_a_spring() -> None:
+    made, _ = done(1, held_object.squeeze, stiffness=400.0, damping=60.0)
+    f = figures(made)
+    assert f["squeeze_damping"].value == pytest.approx(60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0))
+    assert f["squeeze_stiffness"].value == pytest.approx(400.0, rel=0.2)
+
+
+def test_with_a_third_finger_no_stiffness_is_told() -> None:
+    made, _ = done(2, held_object.squeeze, mishap=Mishap(third=0.4))
+    K = figures(made)["squeeze_stiffness"]
+    assert np.isnan(K.value)
+    assert K.grade == "poor"
+    assert "forces do not balance" in K.reason
+
+
+def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
+    rate, n = 100.0, 20_000
+    rng = np.random.default_rng(3)
+    u, x, v = rng.normal(size=n), np.zeros(n), 0.0
+    M, D, K = 0.3, 4.0, 600.0
+    for k in range(1, n):  # exact enough with ten steps a sample
+        x[k] = x[k - 1]
+        for _ in range(10):
+            v += 0.1 / rate * (u[k - 1] - D * v - K * x[k]) / M
+            x[k] += 0.1 / rate * v
+    found = frequency_response.response(np.arange(n) / rate, u, x, length=8.0)
+    near = (found.frequency > 1.0) & (found.frequency < 12.0)
+    s = 2j * np.pi * found.frequency[near]
+    hold = np.exp(-s / (2 * rate))  # the force is held for a sample
+    truth = hold / (M * s**2 + D * s + K)
+    assert found.coherence[near].min() > 0.9
+    assert np.median(np.abs(found.P[near] / truth - 1)) < 0.05
+    off = np.abs(np.abs(found.P[near]) - np.abs(truth)) / found.sd[near]
+    assert 0.3 < np.mean(off < 2) <= 1.0
+    told = frequency_response.conditions(found)
+    assert (told.independent, told.wide, told.passive) == (True, True, True)
+    assert told.load_bandwidth == pytest.approx(np.sqrt(K / M) / (2 * np.pi) * 1.5, rel=0.25)
+
+
+def test_what_the_data_do_not_bear_out_is_told() -> None:
+    rng, t = np.random.default_rng(0), np.arange(6000) / 100
+    u = np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same")
+    pushed_elsewhere = frequency_response.conditions(
+        frequency_response.response(t, u, u / 600 + 2e-3 * np.convolve(rng.normal(size=6000), np.ones(20) / 20, "same"))
+    )
+    assert pushed_elsewhere.independent is False
+    ahead = frequency_response.conditions(frequency_response.response(t, u, np.roll(u, -8) / 600))  # the object moves first
+    assert ahead.passive is False
+    assert len(ahead.reasons) == 1
+    short = frequency_response.conditions(frequency_response.response(t[:400], u[:400], u[:400] / 600))
+    assert (short.independent, short.wide, short.passive) == (None, None, None)
+
+
+def test_power_and_work_of_lifting_and_of_turning() -> None:
+    t = np.linspace(0.0, 2.0, 201)
+    forces, v = np.tile([[[0.0, 0.0, 3.0], [0.0, 0.0, 1.0]]], (201, 1, 1)), np.zeros((201, 2, 3))
+    v[:, :, 2] = (0.25 * (1 - np.cos(np.pi * t)))[:, None]
+    assert exchange.work(t, exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
+    turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
+    assert exchange.work(t, exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
+
+
+@pytest.mark.parametrize(("axes", "channels"), [(3, 3), (6, 6), (6, 12)])
+def test_known_loads_tell_matrix_and_offset(axes: int, channels: int) -> None:
+    rng = np.random.default_rng(axes + channels)
+    loads = rng.uniform(-10, 10, (60, axes))
+    gains, offset = rng.normal(size=(channels, axes)), rng.normal(size=channels)
+    raw = loads @ gains.T + offset + 0.01 * rng.normal(size=(60, channels))
+    found = sensor.calibrated(raw, loads)
+    np.testing.assert_allclose(found.corrected(raw), loads, atol=0.3)
+    np.testing.assert_allclose(found.offset, offset, atol=0.01)
+    assert found.sd.max() < 0.15
+
+
+def test_loads_that_leave_a_direction_out_are_refused() -> None:
+    loads = np.random.default_rng(0).uniform(-1, 1, (40, 3)) * np.array([1.0, 1.0, 0.0])
+    with pytest.raises(InputError, match="leave a direction out"):
+        sensor.calibrated(loads, loads)
