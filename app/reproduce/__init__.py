@@ -21,6 +21,7 @@ REPRODUCTIONS = {
     "kortier3": "fifteen finger tasks after functional calibration (Kortier's thesis, ch. 3)",
     "kortier4": "lengths, places of sensors and biases of an artificial finger from free movement (Kortier's thesis, ch. 4)",
     "kortier5": "the hand followed by a magnet (Kortier's thesis, ch. 5)",
+    "kortier6": "mass and stiffness of what the fingers hold (Kortier's thesis, ch. 6)",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",
     "drift": "10 and 60 minutes without magnetometers",

@@ -75,3 +75,10 @@ KORTIER_MAGNET: Mapping[str, Mapping[str, float]] = {
     "hand": {"position": 19.6},
     "both": {"position": 19.4, "relative": 2.3, "trunk": 8.6},
 }
+
+# Kortier, thesis ch. 6 (6.3): error of mass and stiffness, mean and SD of ten trials, %
+KORTIER_OBJECTS: Mapping[str, tuple[float, float]] = {
+    "0.28 kg": (19.7, 10.6),
+    "0.44 kg": (29.3, 18.9),
+    "0.6 N/mm": (14.8, 9.6),
+}
