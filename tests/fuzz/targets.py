@@ -250,9 +250,11 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
         path, _, flags = arguments
         touched = [path] if isinstance(path, (str, bytes)) and (flags or 0) & WRITES else []
     elif event in ("os.mkdir", "os.remove", "os.rmdir"):
-        touched = [arguments[0]]
-    elif event in ("os.rename", "os.link", "os.symlink"):
-        touched = list(arguments[:2])
+        touched = [_seen_from(arguments[-1], arguments[0])]
+    elif event in ("os.rename", "os.link"):
+        touched = [_seen_from(arguments[2], arguments[0]), _seen_from(arguments[3], arguments[1])]
+    elif event == "os.symlink":
+        touched = [_seen_from(arguments[2], arguments[1])]
     else:
         return
     for path in touched:
@@ -260,3 +262,8 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
             place = Path(path.decode() if isinstance(path, bytes) else path).resolve()
             if not any(place.is_relative_to(f) for f in _allowed[-1]) and not any(own in str(place) for own in OWN):
                 _strays.append(f"{event} {place}")
+
+
+def _seen_from(folder: int, path: Any) -> Any:
+    """A path that is told relative to an open folder (-1: to none)."""
+    return path if folder == -1 or not isinstance(path, str) else f"{Path(f'/proc/self/fd/{folder}').resolve()}/{path}"
