@@ -91,6 +91,7 @@ class Station:
         self._viewers: list[Callable[[], object]] = []
         self._stop = threading.Event()
         self._problem = ""
+        self._replaced = 0  # times that another glove had been plugged in when the newest calibration was made
         self.faults: list[str] = []  # of sensors, found by the check
         self.exchanged: dict[str, str] = {}  # strips that are on another finger than they say
         self._wiggled = -np.inf  # host's clock when a virtual patient was told last to bend one finger after the other
@@ -218,6 +219,12 @@ class Station:
             return f"This is a {identity.hand} glove, the session is of the {self.setup.hand} hand. Connect the {self.setup.hand} glove or end the session."
         return ""
 
+    def _stranger(self) -> str:
+        """Said from when another glove is plugged in until it is calibrated, too."""
+        if self.glove.assembler.replaced == self._replaced:
+            return ""
+        return "Another glove was plugged in. Take the initial pose again, or plug the first one in."
+
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
         if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
             self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end, w.pauses)
@@ -283,7 +290,7 @@ class Station:
             if calibration is None:
                 self._wizard = wizard.refused(self._wizard, facts, refusal)
             else:
-                self._calibration = calibration
+                self._calibration, self._replaced = calibration, self.glove.assembler.replaced
                 self._keep_pose(pose)
                 self.scene.measured(calibration_quality.measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
@@ -370,7 +377,7 @@ class Station:
 
     def _draw(self, facts: Facts) -> None:
         """Ghost, lit segment and caption of the state."""
-        self._problem = self._contradiction()
+        self._problem = self._contradiction() or self._stranger()
         w = self._wizard
         self.scene.ghost(ghost.ghost(w, THUMB, facts.now - w.since))
         checking = w.state in (State.CONNECT, State.CHECK) and facts.wander > MOVES

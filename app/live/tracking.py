@@ -33,6 +33,7 @@ PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibrat
 PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
+AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
 PATIENCE = 0.1  # s that a silent strip is waited for
 
 
@@ -71,6 +72,7 @@ class Tracking:
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view left out; the recording has them
         self.failures = 0  # times that the method failed and was started again
+        self._failed_since = 0  # of them since it last did not
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
         self.pieces: Mapping[str, Piece] = {}  # of a functional calibration, by step: every pose from now on is combined with them
@@ -230,7 +232,7 @@ class Tracking:
                 if len(rest):
                     self._poses.append(rest)
         if self._state is not None and len(rest):
-            self._on_pose(rest)
+            self._show(rest)
 
     def _run(self) -> None:
         while True:
@@ -243,21 +245,32 @@ class Tracking:
             with self._lock:
                 newest = self._take(blocks)
             if newest is not None:
-                self._on_pose(newest)
+                self._show(newest)
+
+    def _show(self, rows: Trajectory) -> None:
+        """Hand rows on; what is done with them may fail, and the method goes on."""
+        try:
+            self._on_pose(rows)
+        except Exception:
+            log.exception("a pose could not be shown")
 
     def _take(self, blocks: list[Block]) -> Trajectory | None:
-        """Remember and step; a method that fails is started again from its calibration."""
+        """Remember and step; a method that fails goes on from its last good state, and from its calibration where that fails again and again."""
         for block in blocks:
             self._remember(block)
         if self._state is None:
             return None
         try:
-            return self._step(blocks)
+            rows = self._step(blocks)
+            self._failed_since = 0
+            return rows
         except Exception:  # any failure of a method must leave the station alive: it is counted, shown and started again
             log.exception("the method failed and is started again")
             self.failures += 1
-            assert self.calibration is not None
-            self._state = self.method.start(self.params, self.calibration, self._streams())
+            self._failed_since += 1
+            if self._failed_since > AGAIN:
+                assert self.calibration is not None
+                self._state, self._failed_since = self.method.start(self.params, self.calibration, self._streams()), 0
             return None
 
     def _step(self, blocks: list[Block]) -> Trajectory | None:
