@@ -165,6 +165,8 @@ def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
         yield f"on the wire {c.lost} frames were lost and {c.corrupt} damaged, of {c.frames + c.lost}"
     if dropped := assembler.undescribed + assembler.waiting:
         yield f"{dropped} bursts of samples were left out: the glove never said what they are"
+    if assembler.replaced:
+        yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
     for finger, on in assembler.exchanged.items():
         yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace("thumb finger", "thumb")
     for name, count in assembler.counts.items():

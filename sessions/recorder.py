@@ -5,8 +5,10 @@ One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with th
 every second. (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
 """
 
+import contextlib
 import json
 import os
+import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -21,6 +23,9 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Me
 from mcap.writer import MCAP0_MAGIC
 
 from estimators.samples import Event
+
+if sys.platform != "win32":
+    import fcntl
 
 FORMAT_VERSION = 1
 SYNC_EVERY = 1.0  # s between syncs to the disk
@@ -40,7 +45,7 @@ class Recorder:
         self, path: Path, metadata: Mapping[str, Any], now: float, utc: datetime | None = None, file: IO[bytes] | None = None
     ) -> None:
         """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
-        self._file = file if file is not None else path.open("xb")
+        self._file = file if file is not None else _locked(path)
         self._began, self._utc = now, utc or datetime.now(UTC)
         self._synced = now
         self._number = 0
@@ -97,6 +102,28 @@ class Recorder:
         if at - self._synced >= SYNC_EVERY:
             self._synced = at
             self.sync()
+
+
+def being_written(path: Path) -> bool:
+    """Whether a recorder has the file open: one may outlive the server that started it. (Not told on Windows: there nobody else can open it.)"""
+    if sys.platform == "win32":
+        return False
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:  # a file system without locks
+            return False
+    return False
+
+
+def _locked(path: Path) -> IO[bytes]:
+    file = path.open("xb")
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
 
 
 def _chunk(records: bytes, utc: int) -> bytes:

@@ -1,6 +1,7 @@
 """Sessions and their recordings: begun live, or made from an uploaded file."""
 
 import shutil
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -15,9 +16,12 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized, table_of
 from sessions import formats, native
+from sessions.recorder import being_written
 from sessions.recording import LoadedRecording
 from sessions.store import Store
 from sessions.tables import Patient, PatientSession, RecordingFile, now
+
+FINISH_WAIT = 10.0  # s that closing a session waits for its recorder
 
 
 def begin(
@@ -37,6 +41,7 @@ def close(db: Session, store: Store, session_id: int) -> PatientSession:
     session = get(db, session_id)
     for file in session.recordings:
         if file.sha256 is None:
+            _require_finished(store.path_of(file.file))
             _describe(file, store)
     session.finished = now()
     session.state = "recorded" if any(f.sha256 for f in session.recordings) else "failed"
@@ -94,6 +99,15 @@ def hand_of(word: str) -> Hand:
         if word == hand:
             return hand
     raise InputError(f"the hand is left or right, not {word!r}")
+
+
+def _require_finished(path: Path) -> None:
+    """Wait for a recorder that outlived its server; InputError, and the session stays open, where it goes on."""
+    until = time.monotonic() + FINISH_WAIT
+    while path.exists() and being_written(path):
+        if time.monotonic() > until:
+            raise InputError("the recording is still being written; unplug the glove, then finish the session")
+        time.sleep(0.05)
 
 
 def _opened(upload: Path, name: str, hand: Hand | None) -> LoadedRecording:

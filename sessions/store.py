@@ -50,11 +50,16 @@ class Store:
 
     def require_room(self, needed: int = FREE) -> None:
         """InputError where the disk is nearly full."""
-        free = shutil.disk_usage(self.folder).free
+        free = free_bytes(self.folder)
         if free < needed:
             raise InputError(
                 f"the disk is nearly full: {free / 2**20:.0f} MB free, {needed / 2**20:.0f} MB are needed; make room and try again"
             )
+
+
+def free_bytes(folder: Path) -> int:
+    """Room on the folder's disk."""
+    return shutil.disk_usage(folder).free
 
 
 def open_store(folder: Path, url: str | None = None) -> Store:

@@ -62,6 +62,7 @@ class Assembler:
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
+    replaced: int = 0  # times that another device was plugged in
     undescribed: int = 0  # bursts dropped because their stream was never described
     exchanged: dict[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
     host: ClockMap = field(default_factory=ClockMap)  # base unit's clock to the host's arrival times, s
@@ -151,7 +152,9 @@ class Assembler:
         return ()
 
     def _identified(self, identity: Identity) -> None:
-        if self.identity is not None and identity.boot_id != self.identity.boot_id:
+        if self.identity is not None and identity.device_id != self.identity.device_id:
+            self.replaced += 1
+        if self.identity is not None and (identity.boot_id, identity.device_id) != (self.identity.boot_id, self.identity.device_id):
             self.undescribed += self.waiting
             self._waiting.clear()
             self._early.clear()

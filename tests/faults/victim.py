@@ -24,7 +24,7 @@ class Victim:
 
     def __init__(self, data: Path, *words: str) -> None:
         self.data, self._words = data, words
-        self._cookie = ""
+        self.cookie = ""
 
     def start(self, wait: bool = True) -> "Victim":
         (self.data / "address").unlink(missing_ok=True)
@@ -40,7 +40,7 @@ class Victim:
         wait_for(self._healthy)
         request = self._request("POST", "/api/login", {"token": new_token(self.data)})
         with urllib.request.urlopen(request) as answer:
-            self._cookie = str(answer.headers["Set-Cookie"]).split(";")[0]
+            self.cookie = str(answer.headers["Set-Cookie"]).split(";")[0]
 
     @property
     def pid(self) -> int:
@@ -67,7 +67,7 @@ class Victim:
         """Parsed JSON of the answer, bytes where it is something else."""
         with urllib.request.urlopen(self._request(method, path, body), timeout=WAIT) as answer:
             data = answer.read()
-            return json.loads(data) if "json" in answer.headers.get("Content-Type", "") else data
+            return json.loads(data) if data and "json" in answer.headers.get("Content-Type", "") else data
 
     def upload(self, patient: int, recording: bytes) -> Any:
         """A recording by way of the page's form."""
@@ -80,7 +80,7 @@ class Victim:
 
     def _request(self, method: str, path: str, body: Any = None) -> urllib.request.Request:
         data = None if body is None else json.dumps(body).encode()
-        headers = {"Cookie": self._cookie} | ({"Content-Type": "application/json"} if body is not None else {})
+        headers = {"Cookie": self.cookie} | ({"Content-Type": "application/json"} if body is not None else {})
         return urllib.request.Request(self.base + path, data, headers, method=method)
 
     def _address(self) -> str:
