@@ -1,8 +1,8 @@
 """The server: pages, API and 3-D scenes on one port under one login."""
 
 import logging
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from typing import Any
 
 import anyio.to_thread
@@ -11,7 +11,7 @@ from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from app import language, protocols
+from app import language, metrics, protocols
 from app.api import errors, languages, login, methods, pages, patients, progress, results, sessions, stations
 from app.api.access import Gate
 from app.api.roles import EVERY_ACCOUNT, May
@@ -47,7 +47,8 @@ def create_app(settings: Settings) -> FastAPI:
         with Jobs(store) as jobs, Stations(lambda station: _finished(app.state.parts, station)) as open_stations:
             app.state.parts = Parts(settings, store, jobs, open_stations)
             await anyio.to_thread.run_sync(_recover, app.state.parts)
-            yield
+            with _measured(app.state.parts):
+                yield
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
 
     proxies = [Middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.proxies))] if settings.proxies else []
@@ -68,6 +69,21 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(pages.router)
     app.mount("/static", Files(directory=pages.STATIC), name="static")
     return app
+
+
+@contextmanager
+def _measured(parts: Parts) -> Iterator[None]:
+    """Figures for a monitoring system, where they are wanted."""
+    if parts.settings.metrics is None:
+        yield
+        return
+    answering, thread = metrics.serve(parts, *parts.settings.metrics)
+    try:
+        yield
+    finally:
+        answering.shutdown()
+        answering.server_close()
+        thread.join()
 
 
 def _finished(parts: Parts, station: Station) -> None:

@@ -4,6 +4,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import select
+from sqlalchemy.exc import DBAPIError
 from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, RedirectResponse
 
@@ -64,8 +66,15 @@ def log_out(db: Db, request: Request) -> Response:
 
 
 @router.get("/health")
-def health() -> dict[str, Any]:
-    return {"status": "ok", "version": software_version()}
+def health(parts: PartsDep, response: Response) -> dict[str, Any]:
+    """For whoever watches over the server: 503 where it cannot work."""
+    status = "ok"
+    try:
+        with parts.store.database() as db:
+            db.execute(select(1))
+    except DBAPIError:
+        response.status_code, status = 503, "the database does not answer"
+    return {"status": status, "version": software_version()}
 
 
 @router.get("/openapi.json", include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])

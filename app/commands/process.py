@@ -1,22 +1,39 @@
-"""`handscope process`: run a method over a recording and write its Motion-BIDS derivative."""
+"""`handscope process`: run a method over a recording, or over a cohort's, and write Motion-BIDS derivatives."""
 
 import argparse
+import os
 from pathlib import Path
 
-from app.commands.words import add_method, add_recording, method_of, output_folder, processed_by, say
+from app.commands.words import add_method, counted, method_of, output_folder, processed_by, progress_bar, say
+from app.options import parse
 from app.version import software_version
+from estimators.errors import InputError
+from estimators.hand_anatomy import HANDS
 from sessions import derivative
 from sessions.writing import save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_recording(parser)
+    parser.add_argument("recording", type=Path, nargs="?", help="a Motion-BIDS folder or zip, or a native recording")
+    parser.add_argument("--hand", choices=HANDS, help="the hand measured, where the recording does not say")
     add_method(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the derivative")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for the derivative; a folder in it for each of a cohort"
+    )
+    many = parser.add_argument_group("a cohort")
+    many.add_argument(
+        "--cohort", type=Path, metavar="FOLDER|LIST", help="every recording of a folder, or of a text file with a path a line"
+    )
+    many.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes of this machine (%(default)s)")
+    many.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that sees the same folders, such as tcp://host:8786")
 
 
 def run(arguments: argparse.Namespace) -> int:
     method, params = method_of(arguments)
+    if (arguments.recording is None) == (arguments.cohort is None):
+        raise InputError("give one recording, or --cohort with a folder or a list of them")
+    if arguments.cohort is not None:
+        return _cohort(arguments)
     recording, processed = processed_by(method, params, arguments)
     files = derivative.tree(processed, recording, arguments.method, params, software_version())
     save_folder(files, output_folder(arguments.out))
@@ -25,3 +42,29 @@ def run(arguments: argparse.Namespace) -> int:
     name = next(n for n in files if n.endswith("_motion.tsv"))
     say(f"{len(processed.trajectory)} samples by {arguments.method}: {arguments.out / name}")
     return 0
+
+
+def _cohort(arguments: argparse.Namespace) -> int:
+    """0 where every recording has its derivative, 1 where some failed: they are named."""
+    from app import cohort
+
+    if arguments.calibration is not None:
+        raise InputError("--calibration is of one recording; leave it out with --cohort")
+    if arguments.workers < 1:
+        raise InputError(f"--workers {arguments.workers} is no number of processes")
+    found, out = cohort.recordings(arguments.cohort), output_folder(arguments.out).absolute()
+    options = parse(arguments.option)
+    works = [cohort.Work(name, str(path.absolute()), str(out), arguments.method, options, arguments.hand) for name, path in found.items()]
+    hear, close = progress_bar("processing")
+    try:
+        outcomes = cohort.all_of(works, min(arguments.workers, len(works)), arguments.scheduler, hear)
+    finally:
+        close()
+    failed = [o for o in outcomes if o.state == "failed"]
+    for outcome in failed:
+        say(f"FAILED {outcome.name}: {outcome.said}")
+    before = sum(o.state == "before" for o in outcomes)
+    say(
+        f"{counted(len(outcomes) - len(failed), 'recording')} by {arguments.method} in {arguments.out}, {before} of them done before; {len(failed)} failed"
+    )
+    return 1 if failed else 0

@@ -27,6 +27,9 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="P", help=f"port ({DEFAULT_PORT}; 0 takes a free one)")
     parser.add_argument("--data", type=Path, default=default_data(folder), metavar="DIR", help="data folder (%(default)s)")
     parser.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+    parser.add_argument(
+        "--metrics", type=_place, metavar="[HOST:]PORT", help="figures for Prometheus, without a login (loopback unless told otherwise)"
+    )
     parser.add_argument("--name", action="append", default=[], metavar="HOST", help="another name under which browsers reach the server")
     parser.add_argument(
         "--proxy", action="append", default=[], metavar="IP", help="a reverse proxy whose X-Forwarded-For and -Proto are believed"
@@ -66,6 +69,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         database_url=arguments.database,
         hosts=tuple(arguments.name),
         demo_ports=demo_ports,
+        metrics=arguments.metrics,
         proxies=tuple(arguments.proxy),
         idle_logout=3600.0 * arguments.idle_logout,
         longest_login=3600.0 * arguments.longest_login,
@@ -98,6 +102,13 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         proxy_headers=False,
     )
     _Server(config, announce).run(sockets=[listener])
+
+
+def _place(word: str) -> tuple[str, int]:
+    host, _, port = word.rpartition(":")
+    if not (port.isdecimal() and 0 < int(port) <= 65535):
+        raise argparse.ArgumentTypeError(f"{word} is no [HOST:]PORT")
+    return host.strip("[]") or "127.0.0.1", int(port)
 
 
 class _Server(uvicorn.Server):  # type: ignore[misc]  # mypy does not follow uvicorn
