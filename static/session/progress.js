@@ -13,7 +13,7 @@ export function mount(root, api, { session, result, reload }) {
     root.append(
       h("h2", {}, t("progress.open")),
       h("p", {}, t("progress.open.next")),
-      session.station && h("a", { class: "button primary large", href: `/stations/${session.station}` }, t("progress.open.go")),
+      ...(session.station ? [h("a", { class: "button primary large", href: `/stations/${session.station}` }, t("progress.open.go"))] : []),
     );
     timer = session.station ? 0 : setTimeout(reload, PAUSE);
   } else if (session.state === "failed") {

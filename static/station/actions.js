@@ -77,6 +77,7 @@ export function mount(root, api, { station, given }) {
     const leave = confirming.mount(asked, api, { act, left: open(wizard), send: (reason) => station.act(act, { reason }), cancel });
     actions.replaceChildren(asked);
     asked.querySelector("input, button").focus();
+    asked.scrollIntoView({ block: "nearest" }); // all of it: on a tablet the way back would lie below the edge
     asking = wizard.state;
     closeQuestion = () => {
       leave();

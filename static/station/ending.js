@@ -19,6 +19,7 @@ export function mount(root, api, { station }) {
     question.hidden = !asked;
     opener.hidden = asked;
     (asked ? sure : opener).focus();
+    question.scrollIntoView({ block: "nearest" });
   }
 
   return station.on(

@@ -1,10 +1,11 @@
 """Every page keeps WCAG 2.2 A and AA as far as axe can tell, in light and in dark; nothing scrolls sideways, targets are large."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from tests.journeys.house import SIZES, Server, act, api, end_session, keep_picture, shown
 
@@ -101,4 +102,67 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
     act(page, "continue").click()
     shown(act(page, "start"))
     looked_at(page, "pose")
+    walk_on_from_the_pose(page)
     end_session(page)
+
+
+def walk_on_from_the_pose(page: Page) -> None:
+    """Every further state of a session, each in one scheme, the schemes in turn."""
+    schemes = itertools.cycle(("dark", "light"))
+
+    def glanced_at(name: str) -> None:
+        page.emulate_media(color_scheme=next(schemes))  # type: ignore[arg-type]
+        assert page.evaluate(RUN)["found"] == [], name
+        assert page.evaluate(SMALL) == [], name
+        assert page.evaluate("document.documentElement.scrollWidth") <= 1024, name
+
+    def asked(name: str) -> None:
+        """A question can be answered without scrolling."""
+        for button in page.locator(".question").filter(visible=True).get_by_role("button").all():
+            expect(button).to_be_in_viewport(ratio=1)
+        glanced_at(name)
+
+    def back() -> None:
+        page.get_by_role("button", name="Go back").filter(visible=True).click()
+
+    act(page, "without").click()
+    asked("without")
+    back()
+    act(page, "assist").click()
+    shown(page.get_by_role("heading", name="Initial pose, given by you"))
+    glanced_at("pose by the therapist")
+    act(page, "start").click()
+    shown(page.get_by_role("progressbar", name="Progress"))
+    glanced_at("hold")
+    shown(act(page, "accept"))
+    glanced_at("calibration by joint")
+    act(page, "calibrate").click()
+    shown(act(page, "start"))
+    glanced_at("step")
+    act(page, "stop").click()
+    page.locator('[data-task="tapping"]').click()
+    shown(act(page, "start")).click()
+    shown(page.get_by_text("Starts in"))
+    glanced_at("countdown")
+    shown(act(page, "pause"))
+    glanced_at("run")
+    act(page, "pause").click()
+    shown(page.get_by_text("This trial cannot go on after a pause"))
+    glanced_at("pause")
+    act(page, "stop").click()
+    shown(page.get_by_text("Your score: MDS-UPDRS 3.4"))
+    glanced_at("score")
+    act(page, "unable").click()
+    asked("could not")
+    back()
+    act(page, "skip").click()
+    page.get_by_role("button", name="Skip this task").click()
+    shown(page.get_by_text("Give a reason"))
+    glanced_at("skip without a reason")
+    page.get_by_role("button", name="Pain").click()
+    page.get_by_role("button", name="Skip this task").click()
+    shown(page.locator('[data-task="tapping"]').filter(has_text="skipped"))
+    glanced_at("tasks")
+    act(page, "finish").click()
+    asked("finish")
+    back()
