@@ -12,7 +12,7 @@ from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from app import language, metrics, protocols
-from app.api import errors, languages, login, methods, pages, patients, progress, results, sessions, stations
+from app.api import accounts, errors, languages, login, methods, pages, patients, progress, results, sessions, stations
 from app.api.access import Gate
 from app.api.roles import EVERY_ACCOUNT, May
 from app.api.state import Parts
@@ -62,8 +62,9 @@ def create_app(settings: Settings) -> FastAPI:
         middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
-    for module in (patients, progress, sessions, results, stations, methods, login):
+    for module in (accounts, patients, progress, sessions, results, stations, methods, login):
         app.include_router(module.router, prefix="/api")
+    app.include_router(accounts.own, prefix="/api")
     app.include_router(login.pages)
     app.include_router(languages.router)
     app.include_router(pages.router)

@@ -10,7 +10,7 @@ from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
-from sessions import repeatability
+from sessions import audit, repeatability
 
 FILE = "handscope.sqlite"
 RESTORING = "restoring"  # lies in a data folder while a backup is being put into it
@@ -30,6 +30,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     repeatability.keep(database)
+    audit.keep(database)
     return database
 
 

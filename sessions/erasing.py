@@ -8,13 +8,13 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, selectinload
 
 from estimators.errors import InputError
-from sessions import patients
+from sessions import audit, patients
 from sessions.store import Store, remove_erased
 from sessions.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
 
 
-def erase(db: Session, store: Store, patient_id: int, typed: str) -> AuditLine:
-    """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on."""
+def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, int]:
+    """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on; gives what there was."""
     patient = patients.get(db, patient_id)
     if " ".join(typed.split()) != patient.pseudonym:
         raise InputError(f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased")
@@ -31,17 +31,17 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> AuditLine:
         "notes": len(patient.notes),
         "bytes": sum(path.stat().st_size for path in paths),
     }
-    line = AuditLine(what="patient erased", counts=counts)
-    db.add_all([line, *(ErasedFile(file=file) for file in sorted(files))])
+    audit.tell(db, audit.Happened("erased", "patient", counts=counts))
+    db.add_all([ErasedFile(file=file) for file in sorted(files)])
     db.delete(patient)
     db.commit()
     remove_erased(db, store)
-    return line
+    return counts
 
 
-def audit(db: Session) -> list[AuditLine]:
+def erasures(db: Session) -> list[AuditLine]:
     """The lines that were left, the newest first."""
-    return list(db.scalars(select(AuditLine).order_by(AuditLine.id.desc())))
+    return list(db.scalars(select(AuditLine).where(AuditLine.what == "erased", AuditLine.kind == "patient").order_by(AuditLine.id.desc())))
 
 
 def _of(patient: Patient) -> Select[PatientSession]:

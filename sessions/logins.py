@@ -16,8 +16,9 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
-from sessions import accounts
+from sessions import accounts, audit
 from sessions.accounts import LOCAL
+from sessions.audit import Happened
 from sessions.store import Store
 from sessions.tables import Account, Attempt, Login, now
 
@@ -63,6 +64,8 @@ def redeem(db: Session, store: Store, token: str) -> Account | None:
 def begin(db: Session, account: Account) -> str:
     """The cookie of a new login."""
     cookie = secrets.token_urlsafe(32)
+    audit.by(db, account.name, db.info.get("address", ""))
+    audit.tell(db, Happened("logged in", "account", str(account.id)))
     db.add(Login(token_hash=_hash(cookie), account_id=account.id))
     db.commit()
     return cookie
@@ -89,8 +92,11 @@ def alive(db: Session, cookie: str | None, idle: float, longest: float) -> Login
 
 def end(db: Session, cookie: str | None) -> None:
     """End a login."""
-    if cookie:
-        db.execute(delete(Login).where(Login.token_hash == _hash(cookie)))
+    login = db.scalar(select(Login).where(Login.token_hash == _hash(cookie or "")))
+    if login is not None:
+        audit.by(db, login.account.name, db.info.get("address", ""))
+        audit.tell(db, Happened("logged out", "account", str(login.account_id)))
+        db.delete(login)
         db.commit()
 
 
@@ -106,7 +112,9 @@ def by_password(db: Session, name: str, password: str, address: str) -> Account 
     account = accounts.proved(db, name, password)
     if account is not None:  # who is in clears the account; the address keeps its other tries
         db.execute(delete(Attempt).where(Attempt.key.in_([_of_account(name)]) | Attempt.id.in_(tried)))
-        db.commit()
+    else:
+        audit.tell(db, _failed(db, name))
+    db.commit()
     return account
 
 
@@ -124,6 +132,12 @@ def _counted(db: Session, name: str, address: str) -> list[int]:
             db.commit()
             raise ThrottledError(_until(oldest, moment))
     return [a.id for a in made]
+
+
+def _failed(db: Session, name: str) -> Happened:
+    """A name that no account has is not kept: it may be a password typed in the wrong place."""
+    known = db.scalar(select(Account.id).where(Account.name == name.strip().casefold()))
+    return Happened("refused", "login", str(known or ""), counts={"by": "password"})
 
 
 def _until(oldest: datetime, moment: datetime) -> float:

@@ -198,15 +198,23 @@ class Repeatability(Base):
 
 
 class AuditLine(Base):
-    """What was erased, without anything that tells whose it was."""
+    """Who did what, when; each line is chained to the one before (sessions/audit.py)."""
 
     __tablename__ = "audit"
-    __table_args__ = NEVER_AGAIN
 
-    id: Mapped[int] = mapped_column(primary_key=True)
-    at: Mapped[datetime] = mapped_column(default=now)
-    what: Mapped[str] = mapped_column(String(64))
-    counts: Mapped[dict[str, Any]] = mapped_column(default=dict)  # sessions, recordings, results, notes, bytes
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)  # from 1 on, without a gap
+    at: Mapped[datetime]
+    who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
+    address: Mapped[str] = mapped_column(String(64))  # where the request came from
+    what: Mapped[str] = mapped_column(String(64))  # viewed, created, changed, exported, erased, logged in, refused
+    kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
+    ref: Mapped[str] = mapped_column(String(64))  # its number
+    patient: Mapped[int | None] = mapped_column(index=True)  # whose it is: a number that no other patient gets
+    counts: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
+    previous: Mapped[str] = mapped_column(String(64))
+    hash: Mapped[str] = mapped_column(String(64))
 
 
 class ErasedFile(Base):

@@ -10,8 +10,9 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.roles import ANYBODY, Doors, Who
+from app.api.roles import ANYBODY, Door, Doors, Who
 from app.api.state import preferred
+from app.api.watch import Watch
 from app.settings import Settings
 from sessions.logins import alive, new_token
 from sessions.store import Store
@@ -53,6 +54,7 @@ class Gate:
 
     def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         self._app, self._store, self._settings = app, store, settings
+        self._watch = Watch(store)
         self._doors: Doors | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -60,13 +62,20 @@ class Gate:
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(self._unfit, connection, scope)
+        self._doors = self._doors or Doors(scope["app"].routes)
+        door = self._doors.of(scope)
+        refusal = self._foreign(connection, scope) or await anyio.to_thread.run_sync(self._unfit, connection, scope, door)
+        if refusal is not None:
+            await self._watch.refused(connection, refusal.status_code)
+        elif scope["type"] == "websocket":
+            await self._watch.answered(connection, door, 200)
         if scope["type"] == "http":
-            await (refusal or self._app)(scope, receive, _with_headers(send, secure(scope)))
+            told = _with_headers(self._watch.on(send, connection, door), secure(scope))
+            await (refusal or self._app)(scope, receive, told)
         elif refusal is not None:
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
-            await self._while_logged_in(connection, scope, receive, send)
+            await self._while_logged_in(connection, door, receive, send)
 
     def _foreign(self, connection: HTTPConnection, scope: Scope) -> Response | None:
         """Refuse what was addressed to another server or sent by another site's page."""
@@ -78,20 +87,18 @@ class Gate:
             return _answer(connection, 403, OTHER_SITE)
         return None
 
-    def _unfit(self, connection: HTTPConnection, scope: Scope) -> Response | None:
+    def _unfit(self, connection: HTTPConnection, scope: Scope, door: Door | None) -> Response | None:
         """Refuse who is not logged in, and what the account may not use."""
-        self._doors = self._doors or Doors(scope["app"].routes)
-        there, declaration = self._doors.of(scope)
-        if _is_open(connection.url) or (declaration is not None and ANYBODY in declaration.roles):
+        if _is_open(connection.url) or (door is not None and door.may is not None and ANYBODY in door.may.roles):
             return None
         who = self._who(connection)
         if who is None:
             if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in Headers(scope=scope).get("accept", ""):
                 return RedirectResponse("/login", 303)
             return _answer(connection, 401, STRANGER)
-        if there and (declaration is None or not declaration.admits(who)):
-            return _answer(connection, 403, NOT_YOURS)
         scope.setdefault("state", {})["who"] = who
+        if door is not None and (door.may is None or not door.may.admits(who)):
+            return _answer(connection, 403, NOT_YOURS)
         return None
 
     def _who(self, connection: HTTPConnection) -> Who | None:
@@ -99,9 +106,10 @@ class Gate:
             login = alive(db, cookie_of(connection), self._settings.idle_logout, self._settings.longest_login)
             return Who(login.account_id, login.account.name, frozenset(login.account.roles), login.id) if login else None
 
-    async def _while_logged_in(self, connection: HTTPConnection, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _while_logged_in(self, connection: HTTPConnection, door: Door | None, receive: Receive, send: Send) -> None:
         """A web socket ends with its login: logged out, expired, out of use or with other roles."""
-        app, end = asyncio.ensure_future(self._app(scope, receive, send)), asyncio.ensure_future(self._end_of_login(connection, scope))
+        app = asyncio.ensure_future(self._app(connection.scope, receive, send))
+        end = asyncio.ensure_future(self._end_of_login(connection, door))
         try:
             await asyncio.wait({app, end}, return_when=asyncio.FIRST_COMPLETED)
             over = not app.done()
@@ -115,8 +123,9 @@ class Gate:
         else:
             app.result()
 
-    async def _end_of_login(self, connection: HTTPConnection, scope: Scope) -> None:
-        while await anyio.to_thread.run_sync(self._unfit, connection, scope) is None:
+    async def _end_of_login(self, connection: HTTPConnection, door: Door | None) -> None:
+        await asyncio.sleep(CHECK_EVERY)
+        while await anyio.to_thread.run_sync(self._unfit, connection, connection.scope, door) is None:
             await asyncio.sleep(CHECK_EVERY)
 
     def _known_host(self, host: str) -> bool:

@@ -6,16 +6,16 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.exc import DBAPIError
-from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, RedirectResponse
 
 from app.api.access import cookie_name, cookie_of, secure
 from app.api.pages import STATIC
-from app.api.roles import ANYBODY, EVERY_ACCOUNT, may
+from app.api.roles import ANYBODY, EVERY_ACCOUNT, address_of, may
 from app.api.state import Db, PartsDep
 from app.version import software_version
 from estimators.errors import InputError
-from sessions import accounts, logins
+from sessions import accounts, audit, logins
+from sessions.audit import Happened
 
 router = APIRouter(tags=["login"], dependencies=[may(ANYBODY)])
 pages = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
@@ -34,6 +34,7 @@ def login_page(parts: PartsDep, db: Db, request: Request, token: Annotated[str, 
     """With a good token: in. Otherwise the page that asks for one."""
     account = logins.redeem(db, parts.store, token) if token else None
     if account is None:
+        _refused(db, token)
         return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
     return with_cookie(RedirectResponse("/", 303), request, logins.begin(db, account))
 
@@ -53,6 +54,7 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     else:
         account = logins.redeem(db, parts.store, given.token.strip())
         if account is None:
+            _refused(db, given.token)
             raise InputError("this code was used before or is not right; print a new one with: handscope login")
     return with_cookie(Response(status_code=204), request, logins.begin(db, account))
 
@@ -63,6 +65,12 @@ def log_out(db: Db, request: Request) -> Response:
     response = Response(status_code=204)
     response.delete_cookie(cookie_name(request.scope), path="/", secure=secure(request.scope), httponly=True, samesite="strict")
     return response
+
+
+def _refused(db: Db, token: str) -> None:
+    if token:
+        audit.tell(db, Happened("refused", "login", counts={"by": "code"}))
+        db.commit()
 
 
 @router.get("/health")
@@ -81,11 +89,6 @@ def health(parts: PartsDep, response: Response) -> dict[str, Any]:
 def openapi(request: Request) -> dict[str, Any]:
     found: dict[str, Any] = request.app.openapi()
     return found
-
-
-def address_of(connection: HTTPConnection) -> str:
-    """Where a request comes from, as a trusted proxy says or as the socket does."""
-    return connection.client.host if connection.client else ""
 
 
 def with_cookie(response: Response, request: Request, cookie: str) -> Response:

@@ -116,7 +116,7 @@ def change_patient(db: Db, patient_id: int, change: PatientChange) -> dict[str, 
     return patient_row(patients.change(db, patient_id, **change.model_dump(exclude_unset=True)))
 
 
-@router.get("/patients/{patient_id}/export.zip")
+@router.get("/patients/{patient_id}/export.zip", dependencies=[may(CLINICIAN, does="exported")])
 def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingResponse:
     """Everything about a patient: facts, notes, recordings as kept and as Motion-BIDS, results, a manifest with checksums."""
     pseudonym = patients.get(db, patient_id).pseudonym
@@ -132,15 +132,15 @@ def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingRespons
 def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> dict[str, int]:
     """Erase everything about a patient for good; answers with what there was."""
     sessions = {s.id for s in patients.get(db, patient_id).sessions}
-    line = erasing.erase(db, parts.store, patient_id, wish.pseudonym)
+    counts = erasing.erase(db, parts.store, patient_id, wish.pseudonym)
     parts.stations.close_replays(sessions)
-    return line.counts
+    return counts
 
 
 @router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
-    return [{"at": line.at, "what": line.what, "counts": line.counts} for line in erasing.audit(db)]
+    return [{"at": line.at, "counts": line.counts} for line in erasing.erasures(db)]
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201)

@@ -106,7 +106,7 @@ def compare(
     }
 
 
-@router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN)])
+@router.get("/{result_id}/report.{form}", dependencies=[may(CLINICIAN, does="exported")])
 async def read_report(
     db: Db, parts: PartsDep, language: LanguageDep, result_id: int, form: str, paper: Paper = "a4", grading: GradingDep = DEFAULT
 ) -> Response:
@@ -120,7 +120,7 @@ async def read_report(
     )
 
 
-@router.get("/{result_id}/derivative.zip")
+@router.get("/{result_id}/derivative.zip", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
 async def read_derivative(db: Db, parts: PartsDep, result_id: int) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
@@ -128,7 +128,7 @@ async def read_derivative(db: Db, parts: PartsDep, result_id: int) -> Response:
     return _download(data, "application/zip", f"handscope-session-{result.recording.session_id}-{result.method}.zip")
 
 
-@router.get("/{result_id}/replay.html")
+@router.get("/{result_id}/replay.html", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
 async def read_replay_file(
     db: Db,
     parts: PartsDep,

@@ -3,7 +3,7 @@
 The innermost declaration counts. A route without one is refused to everybody (app/api/access.py): forgetting it locks out, it never lets in.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -15,7 +15,21 @@ from starlette.types import Scope
 
 from sessions.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
 
-__all__ = ["ADMINISTRATOR", "ANYBODY", "CLINICIAN", "EVERY_ACCOUNT", "SCIENTIST", "Doors", "May", "Who", "WhoDep", "may"]
+__all__ = [
+    "ADMINISTRATOR",
+    "ANYBODY",
+    "CLINICIAN",
+    "EVERY_ACCOUNT",
+    "SCIENTIST",
+    "Door",
+    "Doors",
+    "May",
+    "Who",
+    "WhoDep",
+    "address_of",
+    "may",
+    "on_behalf_of",
+]
 EVERY_ACCOUNT = ROLES
 ANYBODY = "anybody"  # without a login
 
@@ -40,6 +54,7 @@ class May:
     """A declaration; as a dependency it does nothing, the gate has decided before."""
 
     roles: frozenset[str]
+    does: str = "viewed"  # what the audit trail says of somebody who asks for it
 
     async def __call__(self) -> None:
         pass
@@ -48,10 +63,10 @@ class May:
         return ANYBODY in self.roles or not self.roles.isdisjoint(who.roles)
 
 
-def may(*roles: str) -> Any:
+def may(*roles: str, does: str = "viewed") -> Any:
     """A declaration for `dependencies=[...]`."""
     assert roles and set(roles) <= {*ROLES, ANYBODY}
-    return Depends(May(frozenset(roles)))
+    return Depends(May(frozenset(roles), does))
 
 
 def who(connection: HTTPConnection) -> Who:
@@ -60,7 +75,26 @@ def who(connection: HTTPConnection) -> Who:
     return found
 
 
+def on_behalf_of(connection: HTTPConnection) -> tuple[str, str]:
+    """Account and address, for the audit trail; nobody's name before the login."""
+    found: Who | None = getattr(connection.state, "who", None)
+    return found.name if found else "", address_of(connection)
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """Where a request comes from, as a trusted proxy says or as the socket does."""
+    return connection.client.host[:64] if connection.client else ""
+
+
 WhoDep = Annotated[Who, Depends(who)]
+
+
+@dataclass(frozen=True)
+class Door:
+    """A route as a request meets it."""
+
+    may: May | None
+    named: Mapping[str, Any]  # what the address names: patient_id, ...
 
 
 class Doors:
@@ -69,16 +103,16 @@ class Doors:
     def __init__(self, routes: Sequence[BaseRoute]) -> None:
         self.all: list[tuple[RouteContext, May | None]] = [(route, declared(route)) for route in iter_route_contexts(routes)]
 
-    def of(self, scope: Scope) -> tuple[bool, May | None]:
-        """Whether there is such a route, and its declaration; of one that lacks the method, too."""
+    def of(self, scope: Scope) -> "Door | None":
+        """The route that would answer; one that lacks the method where no other has it, None where there is none."""
         partly = None
         for route, declaration in self.all:
-            match, _ = route.matches(scope)
+            match, more = route.matches(scope)
             if match is Match.FULL:
-                return True, declaration
+                return Door(declaration, more.get("path_params", {}))
             if match is Match.PARTIAL and partly is None:
-                partly = True, declaration
-        return partly or (False, None)
+                partly = Door(declaration, more.get("path_params", {}))
+        return partly
 
 
 def declared(route: RouteContext) -> May | None:

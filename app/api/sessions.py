@@ -176,7 +176,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
     return {"correction": correction_row(made), "results": _recomputed(db, parts, file, before)}
 
 
-@router.get("/recordings/{recording_id}/file")
+@router.get("/recordings/{recording_id}/file", dependencies=[may(CLINICIAN, does="exported")])
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
     """The recording as it was kept, byte for byte."""
     file = _closed(db, recording_id)

@@ -9,13 +9,14 @@ from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
 from app import language as languages
-from app.api.roles import Who, who
+from app.api.roles import Who, on_behalf_of, who
 from app.jobs import Jobs
 from app.language import Language
 from app.live.replay import Replay
 from app.live.stations import AnyStation, Stations
 from app.settings import Settings
 from estimators.errors import InputError
+from sessions import audit
 from sessions.store import Store
 
 
@@ -34,8 +35,9 @@ def parts(connection: HTTPConnection) -> Parts:
 
 
 def database(connection: HTTPConnection) -> Iterator[Session]:
-    """A database session for one request."""
+    """A database session for one request, in the name of its account."""
     with parts(connection).store.database() as db:
+        audit.by(db, *on_behalf_of(connection))
         yield db
 
 

@@ -134,8 +134,9 @@ def test_a_wrong_or_old_token_is_refused(server: TestClient, settings: Settings)
     assert "print a new one" in answer.json()["error"]
     for hostile in ("../handscope.sqlite", "", "x" * 200, "\0"):
         assert server.post("/api/login", json={"token": hostile}).status_code == 422
+    before = set(Path(settings.data, "tokens").iterdir())
     token = new_token(settings.data)
-    path = next(Path(settings.data, "tokens").iterdir())
+    (path,) = set(Path(settings.data, "tokens").iterdir()) - before
     os.utime(path, (0, 0))
     assert server.post("/api/login", json={"token": token}).status_code == 422
 

@@ -1,0 +1,129 @@
+"""/api/accounts: who may log in, for administrators; /api/me: the own account; /api/audit: the audit trail"""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api.access import cookie_of
+from app.api.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
+from app.api.state import Db, PartsDep
+from estimators.errors import InputError
+from sessions import accounts, audit, logins
+from sessions.accounts import LOCAL
+from sessions.tables import Account, AuditLine
+
+router = APIRouter(tags=["accounts"], dependencies=[may(ADMINISTRATOR)])
+own = APIRouter(tags=["accounts"], dependencies=[may(*EVERY_ACCOUNT)])
+MOST = 200  # lines of the audit trail in one answer
+
+
+class NewAccount(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(max_length=64)
+    roles: list[str] = Field(max_length=len(accounts.ROLES), description=", ".join(accounts.ROLES))
+
+
+class AccountChange(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
+    disabled: bool | None = None
+
+
+class NewPassword(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    current: str = Field("", max_length=accounts.LONGEST, description="the password until now, where there is one")
+    password: str = Field(max_length=4 * accounts.LONGEST)
+
+
+@router.get("/accounts")
+def list_accounts(db: Db) -> list[dict[str, Any]]:
+    return [account_row(account) for account in accounts.everyone(db)]
+
+
+@router.post("/accounts", status_code=201)
+def add_account(db: Db, parts: PartsDep, new: NewAccount) -> dict[str, Any]:
+    """A new account, with a one-time code by which its owner logs in and sets a password."""
+    account = accounts.add(db, new.name, new.roles)
+    return account_row(account) | {"code": logins.new_token(parts.store.folder, account.name)}
+
+
+@router.patch("/accounts/{account_id}")
+def change_account(db: Db, who: WhoDep, account_id: int, change: AccountChange) -> dict[str, Any]:
+    """Other roles, in or out of use; nobody locks himself out."""
+    account = accounts.get(db, account_id)
+    if account.id == who.account and (change.disabled or (change.roles is not None and ADMINISTRATOR not in change.roles)):
+        raise InputError("you cannot take your own account out of use or stop administering; ask another administrator")
+    accounts.change(db, account, change.roles, change.disabled)
+    if account.disabled:
+        logins.end_all(db, account)
+    return account_row(account)
+
+
+@router.post("/accounts/{account_id}/code", status_code=201)
+def make_code(db: Db, parts: PartsDep, account_id: int) -> dict[str, str]:
+    """A one-time code: who has it logs in as this account, once, within twelve hours."""
+    account = accounts.get(db, account_id)
+    if account.name == LOCAL or account.disabled:
+        raise InputError("codes of this computer's own account, and of accounts out of use, are not given here; see handscope login")
+    audit.tell(db, audit.Happened("created", "code", str(account.id)))
+    db.commit()
+    return {"code": logins.new_token(parts.store.folder, account.name)}
+
+
+@own.get("/me")
+def read_me(db: Db, who: WhoDep) -> dict[str, Any]:
+    return account_row(accounts.get(db, who.account))
+
+
+@own.put("/me/password", status_code=204)
+def set_password(db: Db, who: WhoDep, request: Request, new: NewPassword) -> Response:
+    """Set the own password; every other login of the account ends."""
+    account = accounts.get(db, who.account)
+    if account.name == LOCAL or account.subject is not None:
+        raise InputError("this account has no password: it logs in with one-time codes or through your organisation")
+    if account.password is not None and logins.by_password(db, account.name, new.current, address_of(request)) is None:
+        raise InputError("the password until now is not right; nothing was changed")
+    accounts.set_password(db, account, new.password)
+    logins.end_all(db, account, but=cookie_of(request))
+    return Response(status_code=204)
+
+
+@router.get("/audit")
+def read_audit(
+    db: Db,
+    who: Annotated[str, Query(max_length=64)] = "",
+    what: Annotated[str, Query(max_length=64)] = "",
+    patient: int | None = None,
+    before: Annotated[int | None, Query(description="a line's number, to go on from there")] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
+) -> list[dict[str, Any]]:
+    """Lines of the audit trail, the newest first."""
+    return [audit_row(line) for line in audit.lines(db, who, what, patient, before, limit)]
+
+
+@router.get("/audit/verification")
+def verify_audit(db: Db) -> dict[str, Any]:
+    """Whether the chain holds from the first line to the last."""
+    found = audit.verified(db)
+    return {"lines": found.lines, "last": found.last, "broken": found.broken}
+
+
+def account_row(a: Account) -> dict[str, Any]:
+    kind = "code" if a.name == LOCAL else "single sign-on" if a.subject else "password" if a.password else "none"
+    return {
+        "id": a.id,
+        "name": a.name,
+        "roles": a.roles,
+        "disabled": a.disabled,
+        "created": a.created,
+        "proof": kind,
+        "local": a.name == LOCAL,
+    }
+
+
+def audit_row(line: AuditLine) -> dict[str, Any]:
+    return {c.key: getattr(line, c.key) for c in AuditLine.__table__.columns if c.key not in ("previous", "hash")}

@@ -1,0 +1,88 @@
+"""`handscope account`: who may log in, and as what; while the server runs or not."""
+
+import argparse
+import getpass
+import sys
+from pathlib import Path
+
+from sqlalchemy.orm import Session
+
+from app.commands.audit import opened
+from app.commands.serve import default_data
+from app.commands.words import say
+from estimators.errors import InputError
+from sessions import accounts, audit, logins
+from sessions.accounts import LOCAL, ROLES
+
+ACTIONS = {
+    "add": "a new account; prints a one-time address with which its owner sets a password",
+    "list": "all accounts with their roles",
+    "role": "give an account these roles and no others",
+    "disable": "take an account out of use and end its logins",
+    "enable": "take it into use again",
+    "password": "set a password: asked for on a terminal, else read from standard input",
+    "code": "print a one-time address that logs in as the account",
+}
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for action, meaning in ACTIONS.items():
+        sub = actions.add_parser(action, help=meaning, description=meaning)
+        sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
+        sub.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+        if action != "list":
+            sub.add_argument("name", metavar="NAME")
+        if action in ("add", "role"):
+            sub.add_argument("--role", action="append", required=True, choices=ROLES, help="may be given more than once")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    with opened(arguments.data, arguments.database) as db:
+        if arguments.action == "list":
+            for account in accounts.everyone(db):
+                say(f"{account.name:24} {', '.join(account.roles)}{'  out of use' if account.disabled else ''}")
+        elif arguments.action == "add":
+            accounts.add(db, arguments.name, arguments.role)
+            _say_code(db, arguments)
+        else:
+            _change(db, arguments)
+    return 0
+
+
+def _change(db: Session, arguments: argparse.Namespace) -> None:
+    account = accounts.named(db, arguments.name)
+    if arguments.action == "role":
+        accounts.change(db, account, roles=arguments.role)
+    elif arguments.action in ("disable", "enable"):
+        accounts.change(db, account, disabled=arguments.action == "disable")
+        if account.disabled:
+            logins.end_all(db, account)
+    elif arguments.action == "code":
+        audit.tell(db, audit.Happened("created", "code", str(account.id)))
+        db.commit()
+        _say_code(db, arguments)
+    else:
+        if account.name == LOCAL or account.subject is not None:
+            raise InputError(f"{account.name} has no password: it logs in with one-time codes or through single sign-on")
+        accounts.set_password(db, account, _asked())
+        logins.end_all(db, account)
+
+
+def _say_code(db: Session, arguments: argparse.Namespace) -> None:
+    """Under the address that the server runs at, or ran at last."""
+    account = accounts.named(db, arguments.name)
+    if account.disabled:
+        raise InputError(f"{account.name} is out of use; take it into use with: handscope account enable {account.name}")
+    place = arguments.data / "address"
+    base = place.read_text().strip() if place.exists() else ""
+    say(f"{base}/login?token={logins.new_token(arguments.data, account.name)}")
+
+
+def _asked() -> str:
+    if not sys.stdin.isatty():
+        return sys.stdin.readline().rstrip("\n")
+    password = getpass.getpass("New password: ")
+    if getpass.getpass("Once more: ") != password:
+        raise InputError("the two are not the same; nothing was changed")
+    return password

@@ -1,0 +1,74 @@
+"""`handscope audit`: read the audit trail, and verify that nobody changed it. Exit code 1 where it does not hold."""
+
+import argparse
+import getpass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy.orm import Session
+
+from app.commands.serve import default_data
+from app.commands.words import say
+from estimators.errors import InputError
+from sessions import audit
+from sessions.database import open_database
+from sessions.tables import AuditLine
+
+BROKEN = 1  # exit code
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    verify = actions.add_parser("verify", help="go along the chain of hashes from the first line to the last")
+    verify.add_argument(
+        "--against", action="append", default=[], type=_noted, metavar="NUMBER:HASH", help="a last line that was noted before, elsewhere"
+    )
+    listed = actions.add_parser("list", help="lines, the newest first")
+    listed.add_argument("--who", default="", metavar="NAME", help="of one account")
+    listed.add_argument("--what", default="", metavar="WORD", help="viewed, created, changed, exported, erased, refused, ...")
+    listed.add_argument("--patient", type=int, metavar="NUMBER", help="about one patient, by the number in the page's address")
+    listed.add_argument("--most", type=int, default=100, metavar="N", help="so many lines (%(default)s)")
+    for sub in (verify, listed):
+        sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
+        sub.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    with opened(arguments.data, arguments.database) as db:
+        if arguments.action == "list":
+            for line in audit.lines(db, arguments.who, arguments.what, arguments.patient, limit=arguments.most):
+                say(_told(line))
+            return 0
+        found = audit.verified(db, arguments.against)
+    if found.broken:
+        say(f"The audit trail does not hold: {found.broken}. The {found.lines} lines before hold.")
+        return BROKEN
+    say(f"The audit trail holds: {found.lines} lines. Note the last one elsewhere, to verify against it: {found.lines}:{found.last}")
+    return 0
+
+
+@contextmanager
+def opened(folder: Path, url: str | None) -> Iterator[Session]:
+    """The database of a data folder, also of a server that runs, in the name of who types the command."""
+    if not folder.is_dir():
+        raise InputError(f"there is no data folder {folder}; name it with --data")
+    database = open_database(folder, url)
+    with database() as db:
+        audit.by(db, f"command line: {getpass.getuser()}"[:64], "")
+        yield db
+    database.kw["bind"].dispose()
+
+
+def _told(line: AuditLine) -> str:
+    about = " ".join(word for word in (line.what, line.kind, line.ref) if word)
+    whose = f" of patient {line.patient}" if line.patient is not None and line.kind != "patient" else ""
+    more = "".join(f" {name}={value}" for name, value in line.counts.items())
+    return f"{line.id:6} {line.at:%Y-%m-%d %H:%M:%S} {line.who or '-':16} {line.address or '-':15} {about}{whose}{more}"
+
+
+def _noted(word: str) -> tuple[int, str]:
+    number, _, total = word.partition(":")
+    if not number.isdecimal() or len(total) != len(audit.NOTHING):
+        raise argparse.ArgumentTypeError(f"{word!r} is not of the form NUMBER:HASH")
+    return int(number), total
