@@ -143,11 +143,11 @@ def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes
         return of_result(_store, results.get(db, result_id), named, languages()[language])
 
 
-def make_derivative(result_id: int) -> bytes:
+def make_derivative(result_id: int, reasons: bool = True) -> bytes:
     """In the working process: the derivative of a result as a zip."""
     from app.results import derivative_files
     from sessions.motion_bids.writer import packed
 
     assert _store is not None
     with _store.database() as db:
-        return packed(derivative_files(_store, results.get(db, result_id)))
+        return packed(derivative_files(_store, results.get(db, result_id), reasons))

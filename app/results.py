@@ -82,12 +82,15 @@ def _make(db: Session, store: Store, result: Result) -> None:
     db.commit()
 
 
-def computed(store: Store, result: Result, progress: Callable[[float], None] = lambda share: None) -> tuple[LoadedRecording, Processed]:
-    """The recording and what the method makes of it, computed anew."""
+def computed(
+    store: Store, result: Result, progress: Callable[[float], None] = lambda share: None, reasons: bool = True
+) -> tuple[LoadedRecording, Processed]:
+    """The recording and what the method makes of it, computed anew; with the reasons of corrections or without."""
     if result.method not in METHODS:
         raise InputError(f"there is no method {result.method!r}; methods are {', '.join(METHODS)}")
     method = METHODS[result.method]
-    recording = corrections.corrected(records.opened(store, result.recording), result.corrections)
+    made = result.corrections if reasons else corrections.untold(result.corrections)
+    recording = corrections.corrected(records.opened(store, result.recording), made)
     return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress)
 
 
@@ -96,9 +99,9 @@ def assessed(method: str, recording: LoadedRecording, processed: Processed) -> l
     return assess(processed.trajectory, recording.events, recording.geometry, accuracy_of(method, processed.calibrations))
 
 
-def derivative_files(store: Store, result: Result) -> dict[str, Data]:
+def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
     """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
-    recording, processed = computed(store, result)
+    recording, processed = computed(store, result, reasons=reasons)
     params = with_options(METHODS[result.method].Params, result.parameters)
     return derivative.tree(processed, recording, result.method, params, result.version)
 

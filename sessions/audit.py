@@ -48,7 +48,7 @@ KINDS: Mapping[type[Base], str] = {
 BY_ITSELF: Mapping[type[Base], frozenset[str]] = {  # what changes as the work goes on, without anybody's wish
     Patient: frozenset({"version"}),
     Note: frozenset({"version"}),
-    PatientSession: frozenset({"state", "finished"}),
+    PatientSession: frozenset({"state", "finished", "version"}),
     RecordingFile: frozenset({"sha256", "bytes", "summary"}),
     Result: frozenset(column.key for column in Result.__table__.columns),
 }

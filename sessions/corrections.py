@@ -15,6 +15,7 @@ from estimators.samples import Event
 from sessions.recording import LoadedRecording
 from sessions.tables import Correction, RecordingFile, now
 
+UNTOLD = "reason not told"
 Kind = Literal["exclude", "move", "leave_out"]  # a whole trial; its ends; a stretch within it, such as one repetition
 SHORTEST = 0.5  # s that a trial must keep
 
@@ -79,6 +80,18 @@ def corrected(recording: LoadedRecording, corrections: Sequence[Mapping[str, Any
         events[c["event"]] = _corrected(events[c["event"]], c)
     said = tuple(_sentence(names[c["event"]], c, recording.events[c["event"]]) for c in corrections)
     return replace(recording, events=tuple(events), warnings=(*recording.warnings, *said))
+
+
+def untold(corrections: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The same without the reasons that people typed."""
+    return [{**c, "reason": UNTOLD} for c in corrections]
+
+
+def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> str:
+    """A sentence about a recording without the reasons that people typed."""
+    for c in corrections:
+        sentence = sentence.replace(f"({c['reason']})", f"({UNTOLD})")
+    return sentence
 
 
 def trial_names(events: Iterable[Event]) -> list[str]:

@@ -9,7 +9,15 @@ from typing import Any
 
 from app.api.roles import Who
 
-WITHHELD: Mapping[str, Any] = {"year_of_birth": None, "notes": None, "examiner": "", "name": "", "reason": "", "doubts": []}
+WITHHELD: Mapping[str, Any] = {
+    "year_of_birth": None,
+    "notes": None,
+    "examiner": "",
+    "name": "",
+    "reason": "",
+    "date_reason": "",
+    "doubts": [],
+}
 OF_EVENTS = ("trial_type", "onset", "duration", "task_name", "outcome", "score")  # the rest may be text
 
 

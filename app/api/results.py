@@ -22,6 +22,7 @@ from estimators.errors import InputError
 from estimators.measures.comparison import Agreement
 from estimators.measures.total_active_motion import GRADINGS
 from sessions import results
+from sessions.corrections import without_reasons
 from sessions.tables import Result
 
 router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
@@ -58,7 +59,7 @@ def read_result(
         "error": language.heard(r.error),
         "created": r.created,
         "content": events_for(who, {name: value for name, value in r.content.items() if not (lean and name == "tasks")}),
-        "warnings": [language.heard(w) for w in r.warnings],
+        "warnings": [language.heard(w if who.sees_all else without_reasons(w, r.corrections)) for w in r.warnings],
         "readings": read,
         "grading": grading,
         "checksum": r.recording.sha256,
@@ -121,10 +122,10 @@ async def read_report(
 
 
 @router.get("/{result_id}/derivative.zip", dependencies=[may(CLINICIAN, SCIENTIST, does="exported")])
-async def read_derivative(db: Db, parts: PartsDep, result_id: int) -> Response:
+async def read_derivative(db: Db, parts: PartsDep, who: WhoDep, result_id: int) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
     result = await asyncio.to_thread(lambda: _done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_derivative, result_id)
+    data = await parts.jobs.run(make_derivative, result_id, who.sees_all)
     return _download(data, "application/zip", f"handscope-session-{result.recording.session_id}-{result.method}.zip")
 
 

@@ -139,7 +139,7 @@ def test_a_trail_cut_off_or_written_anew_does_not_fit_what_was_noted(store: Stor
 
 def test_lines_from_before_the_chain_are_taken_into_it(tmp_path: Path) -> None:
     engine = connected(tmp_path)
-    upgrade(engine, "0006")
+    upgrade(engine, "0007")
     with engine.begin() as connection:
         for k in (3, 7):
             connection.exec_driver_sql(
@@ -147,7 +147,7 @@ def test_lines_from_before_the_chain_are_taken_into_it(tmp_path: Path) -> None:
             )
     store = open_store(tmp_path)
     assert verdict(store).lines == 2
-    upgrade(engine, "0006")
+    upgrade(engine, "0007")
     with connected(tmp_path).begin() as connection:
         assert connection.exec_driver_sql("SELECT count(*) FROM audit").scalar() == 2
 

@@ -4,7 +4,6 @@ import io
 import re
 import zipfile
 from collections.abc import Callable
-from dataclasses import replace
 
 from starlette.testclient import TestClient
 
@@ -42,19 +41,21 @@ def planted(client: TestClient) -> dict[str, int]:
     """A patient with the secret in every place for text, and the numbers of what belongs to it."""
     made = pose_and_wiggle("left")
     typed = {"outcome": "could not", "reason": f"pain, says {SECRET}", "comment": SECRET}
-    events = tuple(replace(e, details={**e.details, **typed}) if e.trial_type == "task" else e for e in made.events)
-    events += (Event(1.0, 0.5, "annotation", typed),)
+    events = (*made.events, Event(1.0, 0.5, "annotation", typed), Event(4.0, 3.0, "task", {"task_name": "rom_fist", **typed}))
     packed = writer.packed(writer.tree(LoadedRecording(made.hand, made.geometry, {}, made.samples, events), "01", "wiggle"))
     new = {"pseudonym": "P-plum", "year_of_birth": int(YEAR), "dominant_hand": "left", "note": f"fell, {SECRET}"}
     patient = client.post("/api/patients", json=new).json()["id"]
     told = upload(client, patient, packed, f"{SECRET}.zip").json()
     finished(client, told["result"])
-    client.patch(f"/api/sessions/{told['session']}", json={"notes": SECRET, "examiner": f"Dr {SECRET}"})
+    version = client.get(f"/api/sessions/{told['session']}").json()["version"]
+    typed_now = {"version": version, "notes": SECRET, "examiner": f"Dr {SECRET}", "started": "2026-11-01T10:00:00Z", "date_reason": SECRET}
+    assert client.patch(f"/api/sessions/{told['session']}", json=typed_now).status_code == 200
     recording = client.get(f"/api/sessions/{told['session']}").json()["recordings"][0]["id"]
     wish = {"event": len(events) - 1, "kind": "exclude", "reason": SECRET}
-    client.post(f"/api/recordings/{recording}/corrections", json=wish)
+    corrected = client.post(f"/api/recordings/{recording}/corrections", json=wish).json()["results"][0]["now"]
+    assert finished(client, corrected)["state"] == "done"
     note = client.get(f"/api/patients/{patient}").json()["notes"][0]["id"]
-    return {"patient_id": patient, "session_id": told["session"], "result_id": told["result"], "recording_id": recording, "note_id": note}
+    return {"patient_id": patient, "session_id": told["session"], "result_id": corrected, "recording_id": recording, "note_id": note}
 
 
 def leaks(client: TestClient, ids: dict[str, int]) -> set[str]:
