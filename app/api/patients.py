@@ -140,7 +140,7 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> di
 @router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
-    return [{"at": line.at, "counts": line.counts} for line in erasing.erasures(db)]
+    return [{"at": line.at, "what": "patient erased", "counts": line.counts} for line in erasing.erasures(db)]
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sqlalchemy import MetaData, create_engine, select, text
 
 from estimators.errors import InputError
-from sessions import accounts, backup, database_dump, erasing, notes, patients
+from sessions import accounts, audit, backup, database_dump, erasing, notes, patients
 from sessions.database import FILE, connected, upgrade
 from sessions.native import file_checksum
 from sessions.store import Store, open_store
@@ -84,12 +84,13 @@ def test_what_is_restored_is_what_was_backed_up(store: Store, tmp_path: Path) ->
     assert (tmp_path / "b.zip").stat().st_mode & 0o077 == 0  # nobody else may read it
     manifest = backup.restore(tmp_path / "b.zip", tmp_path / "new")
     before, after = rows(store.folder), rows(tmp_path / "new")
-    assert before == after and len(before["patient"]) == 2 and len(before["audit"]) == 1
+    assert before == after and len(before["patient"]) == 2 and sum("'erased', 'patient'" in line for line in before["audit"]) == 1
     assert files(tmp_path / "new") == {n: data for n, data in files(store.folder).items() if not n.startswith("tokens/")}
     assert manifest["files"].keys() == {"database.jsonl", *files(tmp_path / "new")}
     again = open_store(tmp_path / "new")
     with again.database() as db:
         assert db.scalar(select(Login)) is None
+        assert audit.verified(db).broken == "" and audit.verified(db).lines == len(before["audit"])
         assert patients.create(db, "P-4").id == 4, "the number of an erased patient is never given again"
         assert db.scalars(select(PatientSession.started).where(PatientSession.id == 1)).one() == datetime(2026, 3, 4, 5, 6, 7, 89, UTC)
 
