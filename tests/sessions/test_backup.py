@@ -110,8 +110,12 @@ def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, ser
         moved.database.kw["bind"].dispose()
     backup.restore(tmp_path / "c.zip", tmp_path / "back")
     with store.database() as db, open_store(tmp_path / "back").database() as other:
+        whole = audit.verified(db)
         patients.create(db, "P-4", created=other.get_one(Patient, 4).created)
-    assert rows(store.folder) == rows(tmp_path / "back")
+        found = audit.verified(other, [(whole.lines, whole.last)])
+    assert (found.lines, found.broken) == (whole.lines + 1, "")
+    before, after = ({**rows(folder), "audit": []} for folder in (store.folder, tmp_path / "back"))
+    assert before == after
 
 
 def test_a_backup_made_while_others_write_is_of_one_moment(store: Store, tmp_path: Path) -> None:
