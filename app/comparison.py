@@ -3,6 +3,7 @@
 import csv as csv_format
 import io
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import median
 from typing import Any, Literal
@@ -15,6 +16,7 @@ from app.version import software_version
 from estimators.marker_clusters import Rigidity
 from estimators.measures.comparison import Agreement, Consistency
 from estimators.measures.synchronisation import Lag
+from estimators.measures.tip_errors import Frame, TipError
 
 COLUMNS = (
     "task", "onset_s", "end_s", "name", "unit", "samples", "share", "rom_a", "rom_b", "drom",
@@ -46,6 +48,15 @@ class Compared:
     lag: Lag
     how: str  # the lag was found: cross-correlation, given, one recording
     agreements: tuple[Agreement, ...]
+    tips: "Tips"
+
+
+@dataclass(frozen=True)
+class Tips:
+    """How far the fingertips are apart, by stretch (name, onset, end), and how the two frames were brought together."""
+
+    frame: Frame
+    errors: Mapping[tuple[str, float, float], tuple[TipError, ...]]
 
 
 def as_text(compared: Compared) -> str:
@@ -56,6 +67,7 @@ def as_text(compared: Compared) -> str:
     for task, onset, end in parts:
         lines += ["", f"{task}, {onset:.1f} to {end:.1f} s", _heading(width)]
         lines += [_row(g, width) for g in compared.agreements if (g.task, g.onset, g.end) == (task, onset, end)]
+        lines += _tips(compared.tips, (task, onset, end))
     for letter, side in (("A", compared.a), ("B", compared.b)):
         lines += _checks(letter, side)
     return "\n".join(lines)
@@ -95,6 +107,15 @@ def as_json(compared: Compared) -> bytes:
                 "drift": lag.drift,
             },
             "agreements": [_values(g) for g in compared.agreements],
+            "tips": {
+                "frame": compared.tips.frame,
+                "errors": [
+                    {"task": task, "onset": onset, "end": end, "finger": e.finger, "samples": e.samples}
+                    | {"mean": e.mean, "sd": e.sd, "rmse": e.rmse, "largest": e.largest, "rms_of_axes": e.parts}
+                    for (task, onset, end), errors in compared.tips.errors.items()
+                    for e in errors
+                ],
+            },
         },
         option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY,
     )
@@ -132,6 +153,15 @@ def _row(g: Agreement, width: int) -> str:
     return (
         f"{g.name:{width}}  {values}   {f'{low:.1f} to {high:.1f}':>19} {'-' if math.isnan(g.correlation) else f'{g.correlation:.3f}':>6}"
     )
+
+
+def _tips(tips: Tips, part: tuple[str, float, float]) -> list[str]:
+    found = tips.errors.get(part, ())
+    lines = [f"fingertips apart, mm, frames: {tips.frame}     mean      SD    RMSE largest    x / y / z RMS"] if found else []
+    for e in found:
+        values = " ".join(f"{1e3 * v:7.1f}" for v in (e.mean, e.sd, e.rmse, e.largest))
+        lines.append(f"{e.finger:{len(lines[0]) - 48}}  {values}    {' / '.join(f'{1e3 * v:.1f}' for v in e.parts)}")
+    return lines
 
 
 def _checks(letter: str, side: Side) -> list[str]:

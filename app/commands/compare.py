@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from app.commands.words import method_of, output_folder, progress_bar, require_file, require_folder, say
-from app.comparison import PLOTS, Compared, Side, as_csv, as_json, as_text
+from app.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
 from app.options import help_text
 from estimators import marker_clusters
 from estimators.errors import InputError
 from estimators.hand_anatomy import ANGLES, HANDS, Hand
 from estimators.marker_clusters import FlatPose, Markers
-from estimators.measures import clock_drift, comparison, synchronisation
+from estimators.measures import clock_drift, comparison, synchronisation, tip_errors
 from estimators.measures.comparison import WHOLE, Pair
 from estimators.measures.synchronisation import Lag
+from estimators.measures.tip_errors import Frame
 from estimators.methods import METHODS
 from estimators.processing import process
 from estimators.quaternions import Array
@@ -28,6 +29,7 @@ from sessions.motion_bids.kinematics import Kinematics
 from sessions.recording import LoadedRecording
 from sessions.writing import save_file, save_folder
 
+OURS = ("_tracksys-handscope_", "_tracksys-truth_")  # tables whose places are in the wrist's frame
 FIRST = 3.0  # s of the flat pose of markers where nothing else is said
 UP = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in ("", "-")}
 
@@ -40,6 +42,7 @@ class Moved:
     trajectory: Trajectory
     events: tuple[Event, ...]
     checksum: str  # of a raw recording; "" otherwise
+    in_wrist: bool = False  # places of tips are told in the wrist's frame
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +56,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--calibration-{name}", type=Path, metavar="RECORDING", help="its calibration events from another recording")
         parser.add_argument(
             f"--static-{name}", metavar="START:STOP", help=f"s of {side} in which the hand lies flat and still (markers; aligns ORNT, too)"
+        )
+        parser.add_argument(
+            f"--wrist-{name}", metavar="START:STOP", help=f"s of {side} in which only the wrist moves: brings its tips to the wrist's frame"
         )
     parser.add_argument("--hand", choices=HANDS, help="the hand measured, where neither says")
     parser.add_argument("--up", choices=UP, default="z", help="the axis of the markers' frame that points up (default z)")
@@ -69,13 +75,15 @@ def run(arguments: argparse.Namespace) -> int:
     _require_places(arguments)
     a, b = _both(arguments)
     lag, how = _lag(a, b, arguments)
+    centres = _wrists(a, b, arguments)
     b = _on_clock(b, lag)
     pairs = comparison.paired(a.trajectory, b.trajectory, 0.0)
     span = (float(a.trajectory.t[0]), float(a.trajectory.t[-1]))
-    found = comparison.agreements(pairs, comparison.stretches(a.events, b.events, 0.0, span))
+    parts = comparison.stretches(a.events, b.events, 0.0, span)
+    found = comparison.agreements(pairs, parts)
     if not found:
         raise InputError("the recordings share no sample of any joint at this lag; choose two recordings of one movement or another lag")
-    compared = Compared(a.side, b.side, lag, how, tuple(found))
+    compared = Compared(a.side, b.side, lag, how, tuple(found), _tips(a, b, centres, parts))
     plots = _plots(compared, pairs, {"svg" if arguments.out else "", arguments.plot.suffix[1:] if arguments.plot else ""} - {""})
     if arguments.out:
         files = {"comparison.json": as_json(compared), "comparison.csv": as_csv(compared), "bland_altman.svg": plots["svg"]}
@@ -98,6 +106,35 @@ def _on_clock(b: Moved, lag: Lag) -> Moved:
     onset, end = (lag.on_a(np.array([getattr(e, end) for e in b.events], dtype=float)) for end in ("onset", "end"))
     events = tuple(replace(e, onset=float(first), duration=float(last - first)) for e, first, last in zip(b.events, onset, end))
     return replace(b, trajectory=replace(b.trajectory, t=lag.on_a(b.trajectory.t)), events=events)
+
+
+def _wrists(a: Moved, b: Moved, arguments: argparse.Namespace) -> dict[str, Array]:
+    """The wrist's centre (3,) of each side whose stretch is named, in its own frame."""
+    centres = {}
+    for name, moved in (("a", a), ("b", b)):
+        if words := getattr(arguments, f"wrist_{name}"):
+            if moved.in_wrist:
+                raise InputError(
+                    f"{moved.side.name} tells its fingertips in the wrist's frame; --wrist-{name} is for an optical system's places"
+                )
+            centres[name] = tip_errors.centre_of_rotation(moved.trajectory.between(*_stretch(words, name, "wrist")).tips)
+    return centres
+
+
+def _tips(a: Moved, b: Moved, centres: dict[str, Array], parts: list[tuple[str, float, float]]) -> Tips:
+    """How far the tips are apart, in A's frame or, where only B's is the wrist's, in B's."""
+    t, on_a = a.trajectory.t, a.trajectory.tips
+    flat = b.trajectory.tips.reshape(len(b.trajectory), -1)
+    on_b = synchronisation.interpolated(synchronisation.Signal(b.trajectory.t, flat), t).reshape(on_a.shape)
+    frame: Frame = "wrist"
+    if not (a.in_wrist and b.in_wrist):
+        name, brought, to = ("a", on_a, on_b) if b.in_wrist else ("b", on_b, on_a)
+        frame = "wrist found by its movement" if name in centres and (a.in_wrist or b.in_wrist) else "best fit"
+        brought = tip_errors.brought(brought, to, centres.get(name) if frame != "best fit" else None)
+        on_a, on_b = (brought, to) if name == "a" else (to, brought)
+    within = {part: (t >= part[1]) & (t <= part[2]) for part in parts}
+    errors = {part: tuple(tip_errors.tip_errors(on_a[rows], on_b[rows])) for part, rows in within.items()}
+    return Tips(frame, {part: found for part, found in errors.items() if found})
 
 
 def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, bytes]:
@@ -174,7 +211,7 @@ def _moved(
         raise InputError(
             f"{path.name} is no raw recording: --method-{name}, --option-{name} and --calibration-{name} have nothing to work on"
         )
-    static = _stretch(given["static"], name) if given["static"] else None
+    static = _stretch(given["static"], name, "static") if given["static"] else None
     markers = opened if isinstance(opened, Markers) else opened.markers
     if isinstance(opened, Markers) or opened.trajectory is None:
         if markers is None:
@@ -191,7 +228,9 @@ def _moved(
             raise InputError(f"{opened.name} tells joint angles; --static-{name} is for markers and orientations")
         moved = marker_clusters.aligned(moved, _flat(static, own, other, UP[arguments.up]))
     source = "joint angles" if opened.angles_told else "orientations" if np.isfinite(moved.q_GS).any() else "tips"
-    return Moved(Side(opened.name, source, len(moved), warnings=opened.warnings), moved, opened.events, "")
+    return Moved(
+        Side(opened.name, source, len(moved), warnings=opened.warnings), moved, opened.events, "", any(own in opened.name for own in OURS)
+    )
 
 
 def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> Moved:
@@ -210,7 +249,7 @@ def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) ->
         getattr(params, "gyr_reading", "instant") == "mean",
     )
     side = Side(path.name, f"by {name}", len(processed.trajectory), tuple(consistent), (), processed.warnings)
-    return Moved(side, processed.trajectory, recording.events, recording.checksum)
+    return Moved(side, processed.trajectory, recording.events, recording.checksum, True)
 
 
 def _flat(static: tuple[float, float], own: Event | None, other: Event | None, up: Array) -> FlatPose:
@@ -231,14 +270,14 @@ def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tupl
     return Side(name, told, len(moved), (), tuple(marker_clusters.rigidity(fits, markers))), moved
 
 
-def _stretch(words: str, name: str) -> tuple[float, float]:
+def _stretch(words: str, name: str, option: str) -> tuple[float, float]:
     start, colon, stop = words.partition(":")
     try:
         first, last = float(start), float(stop)
     except ValueError:
         colon, first, last = "", 0.0, 0.0
     if not colon or not 0 <= first < last < np.inf:
-        raise InputError(f"--static-{name} {words!r} is not of the form START:STOP in seconds")
+        raise InputError(f"--{option}-{name} {words!r} is not of the form START:STOP in seconds")
     return first, last
 
 

@@ -122,6 +122,10 @@ def test_a_recording_against_its_derivative_and_against_the_truth(simulated: Pat
     assert told["lag"]["seconds"] == pytest.approx(0.0, abs=1e-3)
     assert max(g["drms"] for g in found.values() if g["unit"] == "rad") < 1 * DEG
     assert found["whole recording", "thumb_index_distance"]["drms"] < 0.002
+    assert told["tips"]["frame"] == "wrist"
+    whole = [e for e in told["tips"]["errors"] if e["task"] == "whole recording"]
+    assert [e["finger"] for e in whole] == list(FINGERS)
+    assert all(0 < e["mean"] <= e["rmse"] <= e["largest"] < 0.005 for e in whole)
 
 
 def test_markers_of_a_c3d_file_against_the_recording(simulated: Path, truth: Path, tmp_path: Path) -> None:
@@ -169,6 +173,7 @@ def test_real_fingertips_of_an_optical_system_against_a_glove_that_moves_likewis
     assert told["lag"]["correlation"] > 0.99
     (g,) = (g for (task, _), g in found.items() if task == "whole recording")
     assert (g["name"], g["unit"]) == ("thumb_index_distance", "m")
+    assert told["tips"]["frame"] == "best fit"  # nobody says where the wrist is
     assert g["drms_minus_offset"] < 0.004  # the offset is where the markers sit: on nails, not at the ends of bones
 
 
@@ -209,6 +214,8 @@ def test_mistakes_are_one_line_and_nothing_is_written(
         ([one, two, "--method-b", "m2"], "is no raw recording"),
         ([one, one, "--static-a", "0:1"], "tells joint angles; --static-a is for markers and orientations"),
         ([one, nameless, "--static-b", "3"], "--static-b '3' is not of the form START:STOP"),
+        ([str(truth), str(truth), "--wrist-a", "0:3"], "tells its fingertips in the wrist's frame"),
+        ([one, one, "--wrist-b", "0:3"], "no fingertip is seen while the wrist moves"),
         ([str(simulated), str(simulated), "--method-b", "zz"], "there is no method 'zz'"),
         ([str(simulated), str(simulated), "--option-b", "speed=3"], "there is no option 'speed'"),
         ([one, one, "--plot", "p.doc"], "does not end in .svg or .png or .pdf"),
