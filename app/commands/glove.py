@@ -36,7 +36,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--strips",
         default="all",
         metavar="NAMES",
-        help=f"all, none, or some of {','.join(ALL_STRIPS)}; the hand's base unit is always there",
+        help=f"all, none, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip); the hand's base unit is always there",
     )
     parser.add_argument(
         "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"

@@ -12,11 +12,11 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import sized
-from estimators.simulation import captured, functional, guided, tasks
+from estimators.simulation import captured, functional, guided, held_object, tasks
 from estimators.simulation.experiments import EXPERIMENTS, recorded
 from estimators.simulation.magnetic_field import MagneticField, homogeneous, office
 from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated, performed, simulate
+from estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
 from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
 from estimators.simulation.transmission import LINKS
 from sessions.motion_bids import writer
@@ -27,7 +27,7 @@ from sessions.writing import save_file
 FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
 
 FUNCTIONAL = "functional_calibration"
-TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; {FUNCTIONAL}: its steps, then free movement; captured needs --markers"
+TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; {FUNCTIONAL}: its steps, then free movement; {', '.join(held_object.TASKS)}: with force sensors on thumb and index tip; captured needs --markers"
 PRESETS_TOLD = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
 
 
@@ -97,6 +97,8 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         return recorded(
             experiment, rng, errors, field, arguments.hand, arguments.pose_error, rate=rate, forearm_rate=forearm_rate, link=link
         )
+    if arguments.task in held_object.TASKS:
+        return _held(arguments, rng, errors, field)
     if arguments.task not in (*tasks.TASKS, FUNCTIONAL):
         raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_TOLD}")
     if arguments.task == FUNCTIONAL:
@@ -127,6 +129,29 @@ def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors:
         field=field,
         known=person.told,
         link=link,
+    )
+
+
+def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
+    """Somebody lifts a mass or squeezes a spring."""
+    of_person, of_motion, of_pose, of_sensors = rng.spawn(4)
+    person = drawn(arguments.hand, of_person)
+    pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_pose))
+    done = [pose, held_object.TASKS[arguments.task](person.true, of_motion)]
+    glove, link = ForceGlove(), LINKS[arguments.link]
+    forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
+    return performed(
+        done,
+        arguments.hand,
+        person.true,
+        of_sensors,
+        errors,
+        rate=arguments.rate,
+        forearm_rate=forearm_rate,
+        field=field,
+        known=person.told,
+        link=link,
+        force=glove,
     )
 
 

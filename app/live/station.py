@@ -36,7 +36,7 @@ from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
 from estimators.initial_pose import DEG, THERAPIST, Pose
 from estimators.quaternions import Array
-from estimators.samples import Event
+from estimators.samples import FORCE, Event
 from estimators.simulation.tasks import POSE_THUMB
 from estimators.trajectory import Trajectory
 from sessions.wire.messages import Cue
@@ -211,7 +211,8 @@ class Station:
         fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING}
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
-        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh), bends(fresh))
+        felt = {p for s in self.glove.assembler.streams.values() if FORCE in s.quantities for p in s.sensors}
+        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh) | felt, bends(fresh))
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity

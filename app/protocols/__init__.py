@@ -18,7 +18,8 @@ from pydantic_core import ErrorDetails
 
 from app.protocols.lines import line_of
 from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES, SEGMENTS
+from estimators.hand_anatomy import DOF_NAMES
+from estimators.samples import TRACKED_POINTS
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
@@ -77,7 +78,7 @@ class Protocol:
     # repetition that the pause broke off; without it a pause ends the trial, because its rhythm, decrement or whole length is what is measured
     countdown: Annotated[float, Field(ge=0, le=30)] = 3.0  # s before it starts, and before it goes on after a pause
     curve: str  # "aperture" (thumb to index tip), "palm_turn", or a joint angle such as index_pip_flexion; movements are counted on it
-    needs: tuple[str, ...] = ()  # segments that must be measured for the task to be offered
+    needs: tuple[str, ...] = ()  # segments and force sensors that must be measured for the task to be offered
     ghost: tuple[
         Mapping[str, float], ...
     ] = ()  # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
@@ -215,8 +216,8 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
     if p.curve not in CURVES:
         yield f"curve is {p.curve!r}; it is aperture, palm_turn or a joint angle such as index_pip_flexion"
     for name in p.needs:
-        if name not in SEGMENTS:
-            yield f"needs names {name!r}, which is no segment; segments are {', '.join(SEGMENTS)}"
+        if name not in TRACKED_POINTS:
+            yield f"needs names {name!r}, which is no segment and no sensor's place; they are {', '.join(TRACKED_POINTS)}"
     for k, name in ((k, name) for k, posture in enumerate(p.ghost) for name in posture):
         if name not in (*DOF_NAMES, TURN):
             yield f"ghost[{k}] names {name!r}, which is no joint angle such as index_pip_flexion"

@@ -24,7 +24,7 @@ SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
 WORDS = {"max": "the largest {} held", "min": "the smallest {} held", "range": "from the smallest to the largest {} held"}
 KINDS = kinds(*(Kind(f"{a}_{end}", "rad", words.format(a), SOURCE) for a in ANGLES for end, words in WORDS.items()))
 ELSEWHERE = frozenset(
-    {"tremor", "check", "selfcheck", "pinch", "pinches", "reach"}
+    {"tremor", "check", "selfcheck", "pinch", "pinches", "reach", "lift", "squeeze"}
 )  # tasks that move joints little, or not for their range
 
 
@@ -56,7 +56,7 @@ class Range:
 
 
 def applies(task_name: str) -> bool:
-    """Every task but those whose small range says nothing about the joints: tapping, tremor, pinch, contacts, reach."""
+    """Every task but those whose small range says nothing about the joints: tapping, tremor, pinch, contacts, reach, lift, squeeze."""
     return "tap" not in task_name.lower() and not words_of(task_name) & ELSEWHERE
 
 

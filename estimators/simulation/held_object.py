@@ -5,7 +5,7 @@ Source  Kortier, thesis 6.2.3: cylinders of 6 cm with 0.28 and 0.44 kg lifted by
 Limits  fingertips do not give way; the object does not turn between them; both fingers carry about the same share
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,6 +105,9 @@ def squeeze(
     x += _raised(own, rng, 0.2, up, down)
     grip = _Grip(geometry, thing, OPEN + lead, up, down + LIFT, end, mishap)
     return _framed(task, t, x, grip.forces, lead, OPEN + end)
+
+
+TASKS: Mapping[str, Callable[..., Performance]] = {"lift": lift, "squeeze": squeeze}
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event, Stream
-from estimators.simulation import functional, held, kinematics, sensors, tasks
+from estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
+from estimators.simulation import force_sensors, functional, held, held_object, kinematics, sensors, tasks
+from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.motion import Motion, after, shifted, through
 from estimators.simulation.sensors import SensorErrors
 from estimators.simulation.tasks import Performance
@@ -20,6 +21,7 @@ from sessions.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
+FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
 FRAME = 1.5  # s from the relaxed posture into what is held
 HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
     "selfcheck_p1": held.spacer_thumb_index,
@@ -27,6 +29,7 @@ HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a blo
     "selfcheck_p3": partial(held.pinch_twice, shut=10.0),  # as its protocol beats
     "selfcheck_p4": held.block,
     "pinches": held.pinches,
+    **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in held_object.TASKS.items()},
 }
 UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD})
 
@@ -65,10 +68,16 @@ class SimulatedPerson:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
         self._sensors = sensors.mounted(worn, self.geometry, self.errors, self.rng)
         self._motion = through([(0.0, tasks.relaxed()), (1.0, tasks.relaxed())])
+        self._held: list[tuple[float, Performance]] = []  # when something is taken in hand
+        felt = [p.removesuffix("_tip_force") for s in self.streams if FORCE in s.quantities for p in s.sensors]
+        self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
+        self._zero = np.zeros((len(felt), 3))  # N, by how much the force sensors' zeros have walked
         self._cache: dict[float, tuple[float, float, Array, Array]] = {}  # by rate: span, times, readings of all sensors
         self.mounting: Mapping[str, Array] = {}
 
     def samples(self, stream: Stream, start: float, stop: float) -> Block:
+        if FORCE in stream.quantities:
+            return self._felt(stream, start, stop)
         t, readings = self._readings(stream.rate, start, stop)
         on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
         rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
@@ -78,10 +87,11 @@ class SimulatedPerson:
     def cue(self, task: str, details: Mapping[str, str], t: float) -> bool:
         if task not in UNDERSTOOD:
             return False
-        motion, begins = _performance(task, details, self.geometry, self.rng)
+        done, begins = _performance(task, details, self.geometry, self.rng)
+        self._held = [*self._held[-1:], (t + begins, done)] if done.forces is not None else self._held[-1:]
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
         waits = [(t + BRIDGE, tasks.relaxed())] if begins > BRIDGE else []
-        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, tasks.relaxed())], t), shifted(motion, t + begins))
+        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, tasks.relaxed())], t), shifted(done.motion, t + begins))
         return True
 
     def marks(self, start: float, stop: float) -> list[Event]:
@@ -90,6 +100,22 @@ class SimulatedPerson:
     def doing(self, t: Array) -> Array:
         """The coordinates (n, 54) that the person goes through at t (n,), as told so far."""
         return self._motion.at(t)[0]
+
+    def _felt(self, stream: Stream, start: float, stop: float) -> Block:
+        """What the force sensors read."""
+        assert self._force is not None
+        t = np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6)) / stream.rate
+        k = kinematics.of_motion(self._motion, self.geometry, t)
+        forces = np.zeros((len(t), len(FINGERS), 3))
+        for begins, done in self._held:
+            inside = (t >= begins) & (t < begins + done.motion.duration)
+            if done.forces is not None and inside.any():
+                forces[inside] = done.forces(kinematics.of_motion(done.motion, self.geometry, t[inside] - begins))
+        steady = replace(self._force, errors=replace(self._force.errors, drift=0.0))
+        walk = self._force.errors.drift / np.sqrt(stream.rate) * self.rng.normal(size=(len(t), *self._zero.shape))
+        zeros = self._zero + np.cumsum(walk, axis=0)
+        self._zero = zeros[-1] if len(t) else self._zero
+        return Block(stream, t, force_sensors.readings(steady, self._sensors, k, forces, self.rng) + zeros)
 
     def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:
         """All sensors' readings at the instants k / rate in [start, stop); streams of one rate share them."""
@@ -156,33 +182,38 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
     known = {"hand": ("hand",), "forearm": ("forearm",)} | {
         f: tuple(s for s in SEGMENTS if s.startswith(f + "_")) for f in ("thumb", "index", "middle", "ring", "little")
     }
-    unknown = [name for name in strips if name not in known]
+    felt = tuple(f"{f}_tip_force" for f in ("thumb", "index"))
+    unknown = [name for name in strips if name not in (*known, "force")]
     if unknown:
-        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in known if n != 'hand')}")
+        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, 'force') if n != 'hand')}")
+    if "force" in strips and not {"thumb", "index"} <= set(strips):
+        raise InputError("the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well")
     scale = {GYR: np.radians(2000.0), ACC: 16 * sensors.GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
-    return tuple(
+    slow = [Stream("force", felt, (FORCE,), FORCE_RATE, "base", {FORCE: ForceErrors().limit})] if "force" in strips else []
+    inertial = (
         Stream(n, known[n], (GYR, ACC), forearm_rate or rate if n == "forearm" else rate, "forearm" if n == "forearm" else "base", scale)
         for n in wanted
     )
+    return (*inertial, *slow)
 
 
-def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Motion, float]:
-    """The motion of a cue, and how long after that it begins (s); a pose is held, everything else ends relaxed."""
+def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, float]:
+    """What a cue asks for, and how long after that it begins (s); a pose is held, everything else ends relaxed."""
     if task in functional.STEPS:  # not quite carefully; the step itself begins when the countdown is over
-        motion = functional.STEPS[task](geometry, rng, functional.Carelessness()).motion
-        return motion, max(BRIDGE, float(details.get("lead", 0.0)) - functional.LEAD)
+        step = functional.STEPS[task](geometry, rng, functional.Carelessness())
+        return step, max(BRIDGE, float(details.get("lead", 0.0)) - functional.LEAD)
     if task == "initial_pose":
-        return tasks.initial_pose(geometry, HOLD).motion, BRIDGE
+        return tasks.initial_pose(geometry, HOLD), BRIDGE
     if task in HELD:
-        return HELD[task](geometry, rng, 0.0).motion, max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
+        return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
     if task == "wiggle" and details.get("finger") in FINGERS:
-        return tasks.wiggle(geometry, (details["finger"],)).motion, max(BRIDGE, float(details.get("lead", 0.0)))
+        return tasks.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
     if task in tasks.TIMED and "duration" in details:
-        return tasks.TIMED[task](geometry, duration=float(details["duration"])).motion, BRIDGE
+        return tasks.TIMED[task](geometry, duration=float(details["duration"])), BRIDGE
     if task in tasks.IN_STEP and "lead" in details:
-        return tasks.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)).motion, BRIDGE
-    return tasks.TASKS[task](geometry).motion, BRIDGE
+        return tasks.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)), BRIDGE
+    return tasks.TASKS[task](geometry), BRIDGE
 
 
 def _joined(first: Motion, second: Motion) -> Motion:

@@ -10,7 +10,7 @@ from estimators.functional_steps import STEPS
 from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import sized
 from estimators.methods import m2
-from estimators.samples import GYR
+from estimators.samples import FORCE, GYR
 from estimators.simulation.sensors import IDEAL
 
 CUED, COUNTDOWN = 2.0, 3.0  # s
@@ -45,3 +45,19 @@ def test_a_step_of_a_functional_calibration_fills_the_time_that_the_wizard_gives
     piece = functional_steps.measure(m2.Params(), name, blocks, onset, onset + step.length, {})
     assert piece.problems == ()
     assert piece.quality.get("repetitions", 3) == 3
+
+
+def test_force_sensors_feel_what_the_person_lifts_when_cued() -> None:
+    streams = layout(("thumb", "index", "force"), 100.0)
+    person = SimulatedPerson("left", sized("left"), streams, np.random.default_rng(0), IDEAL)
+    force = streams[-1]
+    before = person.samples(force, 0.0, CUED)
+    assert person.cue("lift", {"lead": f"{COUNTDOWN:g}"}, CUED)
+    blocks = [person.samples(force, CUED + k * 0.25, CUED + (k + 1) * 0.25) for k in range(48)]  # as the glove asks
+    t = np.concatenate([b.t for b in blocks]) - CUED - COUNTDOWN
+    size = np.linalg.norm(np.concatenate([b.of(FORCE) for b in blocks]) - before.of(FORCE).mean(axis=0), axis=2)
+    np.testing.assert_allclose(np.diff(t), 1 / 12, atol=1e-9)
+    assert size[t < 0.5].max() < 0.4  # noise and drift
+    held = (t > 3.0) & (t < 5.0)
+    assert (size[held] > 1.5).all()
+    assert size[(t > 8.0)].max() < 0.5

@@ -40,6 +40,7 @@ GROUPS = [
     "selfcheck",
     "tremor",
     "reach",
+    "force",
     "powerglove",
     "repeatability",
 ]
@@ -48,7 +49,7 @@ IN_TIME = [p for p in ALL.values() if p.cue in tasks.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
-    assert len(ALL) == len(list(Path(app.protocols.__file__).parent.glob("*.json"))) == 58
+    assert len(ALL) == len(list(Path(app.protocols.__file__).parent.glob("*.json"))) == 60
     assert read()[1] == []
     assert len({p.order for p in ALL.values()}) == len({p.title for p in ALL.values()}) == len(ALL)
     for p in ALL.values():
@@ -125,7 +126,7 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
     ("change", "sentence"),
     [
         ({"curve": "elbow_flexion"}, r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$"),
-        ({"needs": ["toe"]}, r"needs names 'toe', which is no segment; segments are forearm, hand, .*little_distal$"),
+        ({"needs": ["toe"]}, r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*little_tip_force$"),
         (
             {"ghost": [{}, {"index_pip_twist": 4}]},
             r"ghost\[1\] names 'index_pip_twist', which is no joint angle such as index_pip_flexion$",
