@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from app.commands.serve import default_data
+from app.commands.serve import database_url, default_data
 from app.commands.words import counted, require_file, say
 from app.version import software_version
 from sessions import backup
@@ -12,7 +12,9 @@ from sessions import backup
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE.zip", help="the backup to make; not inside the data folder, not there yet")
     parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
-    parser.add_argument("--database", metavar="URL", help="the server's database, where it is not SQLite in the data folder")
+    parser.add_argument(
+        "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

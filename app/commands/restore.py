@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from app.commands.serve import database_url
 from app.commands.words import counted, progress_bar, say
 from estimators.errors import InputError
 from sessions import backup
@@ -12,7 +13,9 @@ from sessions import backup
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE.zip", help="a backup made by handscope backup")
     parser.add_argument("--data", type=Path, metavar="DIR", help="the folder to restore into: empty, or not there yet")
-    parser.add_argument("--database", metavar="URL", help="restore rows into this empty database instead of SQLite in the folder")
+    parser.add_argument(
+        "--database", default=database_url(), metavar="URL", help="restore rows into this empty database instead of SQLite in the folder"
+    )
     parser.add_argument("--check", action="store_true", help="only read the backup and compare every checksum")
 
 
@@ -28,8 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
         manifest = backup.restore(arguments.file, arguments.data, arguments.database, hear)
     finally:
         close()
-    database = f" --database {arguments.database}" if arguments.database else ""
-    say(f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{database}")
+    say(f"{_told(manifest)}\nStart it with: handscope serve --data {arguments.data}{' --database ...' if arguments.database else ''}")
     return 0
 
 

@@ -26,7 +26,12 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
     parser.add_argument("--host", default="127.0.0.1", metavar="H", help="address to listen on (loopback unless told otherwise)")
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="P", help=f"port ({DEFAULT_PORT}; 0 takes a free one)")
     parser.add_argument("--data", type=Path, default=default_data(folder), metavar="DIR", help="data folder (%(default)s)")
-    parser.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+    parser.add_argument(
+        "--database",
+        default=database_url(),
+        metavar="URL",
+        help="SQLAlchemy URL of the database (HANDSCOPE_DATABASE, or SQLite in the data folder)",
+    )
     parser.add_argument(
         "--metrics", type=_place, metavar="[HOST:]PORT", help="figures for Prometheus, without a login (loopback unless told otherwise)"
     )
@@ -57,6 +62,11 @@ def _hours(word: str) -> float:
     if not 0 < hours <= 24 * 366:
         raise ValueError
     return hours
+
+
+def database_url() -> str | None:
+    """The database where nobody says: HANDSCOPE_DATABASE (a password on the command line is seen by every user of the machine), or none."""
+    return os.environ.get("HANDSCOPE_DATABASE") or None
 
 
 def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:

@@ -1,0 +1,25 @@
+"""The compose file asks for what the program has."""
+
+import argparse
+import re
+from pathlib import Path
+
+import pytest
+
+from app.commands import serve
+
+ROOT = Path(__file__).parents[3]
+yaml = pytest.importorskip("yaml", reason="no YAML reader on this machine")
+
+
+def test_the_compose_file_starts_the_server_with_options_that_there_are() -> None:
+    told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
+    program, verb, *words = told["handscope"]["command"]
+    parser = argparse.ArgumentParser()
+    serve.add(parser)
+    asked = parser.parse_args([re.sub(r"\$\{(\w+)[^}]*\}", r"\1", word) for word in words])
+    assert (program, verb, asked.name, asked.metrics) == (".venv/bin/handscope", "serve", ["HOST_NAME"], ("0.0.0.0", 9100))
+    assert asked.proxy == [told["proxy"]["networks"]["inside"]["ipv4_address"]]
+    example = (ROOT / "deploy" / "env.example").read_text()
+    wanted = set(re.findall(r"\$\{(\w+)", (ROOT / "deploy" / "compose.yaml").read_text()))
+    assert wanted == set(re.findall(r"^(\w+)=", example, re.M))
