@@ -13,7 +13,7 @@ from app.report.changes import Changes
 from app.report.content import Task, asked
 from app.report.gradings import DEFAULT, graded_tasks
 from app.report.norms import norm_of
-from app.report.other_measures import norms_told, other_measures
+from app.report.other_measures import other_measures
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.units import DEG, TAPPING_DECIMALS, reading
 from app.report.words import figure_words
@@ -150,7 +150,7 @@ def _others(
     ]
     sections = other_measures(graded_tasks(told, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
-    return [{**s, "norms": norms_told(s, language), "gradings": choices if s["grading"] else []} for s in sections if s["rows"]]
+    return [{**s, "gradings": choices if s["grading"] else []} for s in sections if s["rows"]]
 
 
 def _kept(row: Mapping[str, Any]) -> Figure:

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     recording, processed = processed_by(method, params, arguments)
     accuracy = accuracy_of(arguments.method, processed.calibrations)
     tasks = assess(processed.trajectory, recording.events, recording.geometry, accuracy)
-    visit = Visit(patient=arguments.patient or "not named", date=None if recording.start_utc else datetime.now(UTC))
+    visit = Visit(patient=arguments.patient or "", date=None if recording.start_utc else datetime.now(UTC))
     style = Style(language(arguments.language), arguments.paper)
     made = content(visit, recording, processed, arguments.method, params, tasks, software_version(), load_all())
     figures = {"figures.json": FORMS["json"](made, style), "figures.csv": FORMS["csv"](made, style)}

@@ -87,6 +87,8 @@ class Language:
             for pattern, text in self._patterns:
                 if found := pattern.fullmatch(sentence):
                     return _filled(text, {name: self.heard(value) for name, value in found.groupdict().items()})
+        if self.sentences and "; " in sentence:  # several of them together
+            return "; ".join(self.heard(part) for part in sentence.split("; "))
         return self._localised(sentence)
 
     def told(self, value: Any, keys: Collection[str]) -> Any:

@@ -20,7 +20,7 @@ OWN = ("tapping", "range_of_motion")  # measures that have one
 
 
 def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
-    """A section a measure and task, in order of time."""
+    """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has."""
     told: dict[tuple[str, str], list[Task]] = {}
     for task in tasks:
         if task.result.measure not in OWN:
@@ -28,23 +28,26 @@ def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
     return [_section(trials, language) for trials in told.values()]
 
 
-def norms_told(section: Section, language: Language) -> list[dict[str, Any] | None]:
-    """Of each row of a section what others measured, in words, with who says so; None where nobody has."""
-    return [_norm(what, part, section["name"], language) for what, part in section["about"]]
-
-
 def _section(trials: Sequence[Task], language: Language) -> Section:
     figures: dict[str, list[Figure]] = {}
     for f in (f for t in trials for f in t.result.figures if not f.detail):
         figures.setdefault(f.name, []).append(f)
+    rows, about = [_row(each, language) for each in figures.values()], [(each[0].what, each[0].part) for each in figures.values()]
+    alike = {row[-1] for row in rows}
+    shared = alike.pop() if len(alike) == 1 and len(rows) > 1 else ""
+    norms = [norm_told(what, part, trials[0].result.task, language) for what, part in about]
     return {
         "name": trials[0].result.task,
         "title": language.heard(trials[0].measure_title),
         "task": span_words(trials, language) + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
         "grading": trials[0].grading,
         "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
-        "rows": [_row(each, language) for each in figures.values()],
-        "about": [(each[0].what, each[0].part) for each in figures.values()],
+        "rows": [[*row[:-1], "" if shared else row[-1]] for row in rows],
+        "reason": shared,  # of every row
+        "reasons": any(row[-1] for row in rows) and not shared,
+        "about": about,
+        "norms": norms,
+        "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
         "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
     }
 
@@ -58,7 +61,8 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
 
 
-def _norm(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+    """What others measured of a figure, in words, with who says so; None where nobody has."""
     norm = norm_of(what, part, task)
     if norm is None:
         return None

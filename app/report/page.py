@@ -25,7 +25,7 @@ Page = dict[str, Any]
 WARNINGS = 8  # of them on the page
 HEADINGS = (  # words that the layout places
     "report.title", "summary", "further", "quality", "provenance", "warnings",
-    "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "reason", "quality.over_all",
+    "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "norm", "reason", "quality.over_all",
     "quality.median", "quality.largest", "quality.worst", "not_done", "scores", "left_out", "technical", "notes.none", "checksums",
 )  # fmt: skip
 
@@ -35,10 +35,11 @@ def words_of(content: Content, language: Language) -> Page:
     main, further = _chosen(content)
     taps = [t for t in content.tasks if t.result.measure == "tapping"]
     say, checksum = language.say, content.recording.checksum[:12]
+    named = content.visit.patient or say("not_named")
     return {
         "language": language.code,
         "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
-        "title": say("report.of", patient=content.visit.patient),
+        "title": say("report.of", patient=named),
         "facts": _facts(content, language),
         "tag": say("notice.short"),
         "notice": say("notice"),
@@ -46,7 +47,7 @@ def words_of(content: Content, language: Language) -> Page:
         "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
         "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
         "others": other_measures(content.tasks, language),
-        "further": [range_section(content, trials, language) for trials in further],
+        "further": [s for s in (range_section(content, trials, language, bars=False) for trials in further) if not s["absent"]],
         "trends": [section for section in [trend_section(content, language)] if section],
         "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
         "scores": [[language.heard(s.title), language.heard(s.scale), f"{s.score:g}"] for s in content.scores],
@@ -62,7 +63,7 @@ def words_of(content: Content, language: Language) -> Page:
         "notes": content.visit.notes.splitlines(),
         "footer": " · ".join(
             [
-                content.visit.patient,
+                named,
                 _day(content, language),
                 say("footer.recording", checksum=checksum) if checksum else say("footer.without"),
             ]
@@ -85,7 +86,7 @@ def _facts(content: Content, language: Language) -> list[list[str]]:
     side = {content.hand: "affected", "both": "affected.both"}.get(visit.affected or "", "unaffected") if visit.affected else ""
     dominance = say(f"dominant.{visit.dominant}") if visit.dominant else ""
     return [
-        [say("fact.patient"), visit.patient, ""],
+        [say("fact.patient"), visit.patient or say("not_named"), ""],
         [say("fact.hand"), say(f"hand.{content.hand}"), ", ".join(w for w in (say(f"side.{side}") if side else "", dominance) if w)],
         [say("fact.session"), _day(content, language), _hour(content, language)],
         [say("fact.examiner"), visit.examiner or say("not_given"), ""],

@@ -23,7 +23,8 @@ COLUMNS = {"flexion": ("value", "other", "reference", "change"), "extension": ("
 NOTHING = ["", ""]
 
 
-def range_section(content: Content, tasks: Sequence[Task], language: Language) -> dict[str, Any]:
+def range_section(content: Content, tasks: Sequence[Task], language: Language, bars: bool = True) -> dict[str, Any]:
+    """The ranges of trials; without bars where the table says enough."""
     say = language.say
     full = asks_full_range(tasks[0].result.task)
     ranges = over_tasks(tasks)
@@ -36,7 +37,7 @@ def range_section(content: Content, tasks: Sequence[Task], language: Language) -
     return head | {
         "absent": "",
         "table": _table(content, tasks, rows, full, language),
-        "chart": plots.range_chart(rows, ticks, CHART_WIDTH, language),
+        "chart": plots.range_chart(rows, ticks, CHART_WIDTH, language) if bars else "",
         "chart_alt": say("ranges.chart", count=len(rows)),
         "chart_label": " ".join([say("ranges.bars"), *([say("ranges.ticks")] if ticks else [])]),
         "curves": plots.flexion_curves(curves, *CURVES, language) if curves else "",

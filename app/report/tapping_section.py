@@ -18,7 +18,7 @@ from estimators.measures.tapping import Tapping
 
 TRIALS = 4  # columns of a table
 CHART = (290.0, 150.0)  # pt
-BELOW = (516.0, 150.0)  # pt where more than two trials leave it no room beside the table
+BELOW = (516.0, 150.0)  # pt where the trials leave it no room beside the table
 CHANGES = {"tapping_decrement_slope", "tapping_decrement_ratio"}  # read as "smaller" or "larger", not as a sign
 
 
@@ -30,7 +30,7 @@ def tapping_section(tasks: Sequence[Task], before: int, total: int, language: La
     many = total > 1
     every = {f.name: f for f in tasks[0].result.figures}
     named = {name: every[name] for name in TAPPING_DECIMALS if name in every}
-    size = CHART if len(trials) <= 2 else BELOW
+    size = CHART if len(trials) == 1 else BELOW
     return {
         "title": say("tapping.title"),
         "tasks": [say("tapping.trial", number=before + k + 1) if many else say("value") for k in range(len(tasks))],

@@ -114,5 +114,8 @@ def named(figure: Figure, language: Language) -> str:
         words = figure_words(figure.name, language)
         return words[:1].upper() + words[1:]
     joint = " ".join(joint_words(figure.part, language)).strip() if figure.part in JOINT else ""
+    place, _, number = figure.part.rpartition("_")
+    if number.isdigit():
+        return f"{language.say(f'part.{place}', number=number)}: {figure_words(figure.what or figure.name, language)}"
     part = joint or language.all_of([language.known(f"finger.{p}", p) for p in figure.part.split("_")])
     return f"{part}: {figure_words(figure.what or figure.name, language)}"

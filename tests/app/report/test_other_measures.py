@@ -7,7 +7,7 @@ import pytest
 from app.language import language
 from app.report.content import Task
 from app.report.gradings import graded, uninjured
-from app.report.other_measures import norms_told, other_measures
+from app.report.other_measures import norm_told, other_measures
 from estimators.measures import total_active_motion
 from estimators.measures.assessment import TaskResult, assess
 from estimators.measures.figure import Figure, Grade
@@ -46,8 +46,7 @@ def test_tapping_and_ranges_have_sections_of_their_own() -> None:
 
 
 def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> None:
-    section = {"name": "tapping", "about": [("tapping_rate", ""), ("nobody_measured_this", "")]}
-    norm, nothing = norms_told(section, language("en"))
+    norm, nothing = (norm_told(what, "", "tapping", language("en")) for what in ("tapping_rate", "nobody_measured_this"))
     assert nothing is None
     assert norm is not None and norm["told"].endswith("per s") and norm["reference"]
 
