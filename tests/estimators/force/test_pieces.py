@@ -32,7 +32,7 @@ def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
 
 def test_a_zero_that_jumps_within_a_contact_is_told() -> None:
     t, rng = np.arange(0.0, 12.0, 1 / 12), np.random.default_rng(0)
-    read = pushes(t) + np.where(t > 5.5, 0.6, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3))
+    read = pushes(t) + np.where(t > 5.5, 0.4, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3))
     found = zero.found(zero.ZeroParams(least=0.8), t, read, np.array([0.05]))
     assert found.jump[(t > 4.5) & (t < 6.5)].min() > 4
 
