@@ -55,6 +55,7 @@ export function makeApi(stranger = () => location.assign("/login")) {
     some,
     post: (path, body = {}) => call("POST", path, body),
     patch: (path, body) => call("PATCH", path, body),
+    put: (path, body) => call("PUT", path, body),
     remove: (path) => call("DELETE", path),
     file: async (path) => (await reach(path, {})).blob(),
     upload,

@@ -10,13 +10,17 @@ const PAGES = [
   [/^\/sessions\/(\d+)$/, () => import("./pages/session.js")],
   [/^\/stations\/([^/]+)$/, () => import("./pages/station.js")],
   [/^\/help$/, () => import("./pages/help.js")],
+  [/^\/account$/, () => import("./pages/account.js")],
+  [/^\/audit$/, () => import("./pages/audit.js")],
 ];
+const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
 const api = makeApi();
 const main = h("main", { id: "main", tabindex: "-1" });
 const links = [
   ["/", "nav.patients"],
   ["/help", "nav.help"],
-].map(([href, word]) => h("a", { href }, t(word)));
+  ["/account", "nav.account"],
+].map(([href, word]) => h("a", { href, class: FOR[href] }, t(word)));
 const heard = h("p", { class: "heard", "aria-live": "polite" });
 let leave = () => {};
 let turn = 0;
@@ -88,6 +92,14 @@ document.body.append(
   h("footer", { class: "bottom" }, t("notice")),
   heard,
 );
+/** What the account's roles do not allow is not offered; the server refuses it in any case. */
+async function offer() {
+  const { roles } = await api.get("/api/me").catch(() => ({ roles: ["clinician"] }));
+  document.documentElement.dataset.may = roles.join(" ");
+  if (roles.join() === "administrator" && location.pathname === "/") go("/account", true);
+}
+
 document.addEventListener("click", followed);
 addEventListener("popstate", show);
 show();
+offer();

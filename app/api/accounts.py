@@ -113,7 +113,7 @@ def verify_audit(db: Db) -> dict[str, Any]:
 
 
 def account_row(a: Account) -> dict[str, Any]:
-    kind = "code" if a.name == LOCAL else "single sign-on" if a.subject else "password" if a.password else "none"
+    kind = "code" if a.name == LOCAL else "single" if a.subject else "password" if a.password else "none"
     return {
         "id": a.id,
         "name": a.name,

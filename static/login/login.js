@@ -1,7 +1,8 @@
-/** Ask for the one-time code and log in with it. */
+/** Ask for the one-time code and log in with it; where accounts have passwords, for those first. */
 import { preferences } from "../preferences.js";
 import { language } from "../words/languages.js";
 import { t } from "../words/words.js";
+import * as password from "./password.js";
 
 function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -33,7 +34,7 @@ export function mount(root) {
     const token = codeOf(input.value);
     if (!token) return say(t("login.missing"));
     button.disabled = true;
-    const refusal = await send(token);
+    const refusal = await send({ token });
     if (!refusal) return location.assign("/");
     button.disabled = false;
     say(refusal);
@@ -41,22 +42,38 @@ export function mount(root) {
   }
 
   form.addEventListener("submit", logIn);
+  const passwords = make("div");
+  const code = make(
+    "details",
+    { open: "" },
+    make("summary", { hidden: "" }, t("login.with_code")),
+    make("p", { class: "soft" }, t("login.lead")),
+    form,
+    make("h3", {}, t("login.where")),
+    make("p", {}, t("login.where_text")),
+    make("p", {}, make("code", {}, t("login.command"))),
+  );
   root.append(
     make("div", { class: "brand" }, make("img", { src: "/static/favicon.svg", alt: "" }), make("h1", {}, "Handscope")),
     make(
       "div",
       { class: "card" },
       make("h2", {}, t("login.title")),
-      make("p", { class: "soft" }, t("login.lead")),
       alert,
-      form,
-      make("h3", {}, t("login.where")),
-      make("p", {}, t("login.where_text")),
-      make("p", {}, make("code", {}, t("login.command"))),
+      passwords,
+      code,
     ),
   );
   if (location.search.includes("token=")) say(t("login.used"));
   input.focus();
+  waysIn().then((ways) => ways.passwords && withPasswords());
+
+  function withPasswords() {
+    code.open = false;
+    code.firstChild.hidden = false;
+    password.mount(passwords, { make, send, say });
+  }
+
   return () => root.replaceChildren();
 }
 
@@ -65,13 +82,18 @@ function codeOf(text) {
   return text.trim().match(/[?&]token=([^&\s]+)/)?.[1] ?? text.trim();
 }
 
+/** What the server asks for; a code where it does not say. */
+async function waysIn() {
+  return (await fetch("/api/login").catch(() => null))?.json() ?? {};
+}
+
 /** Log in; gives the sentence where it was refused. */
-async function send(token) {
+async function send(proof) {
   try {
     const response = await fetch("/api/login", {
       method: "POST",
       headers: { "Content-Type": "application/json", "Accept-Language": language },
-      body: JSON.stringify({ token }),
+      body: JSON.stringify(proof),
     });
     if (response.ok) return "";
     return (await response.json().catch(() => ({}))).error ?? t("login.refused");

@@ -1,0 +1,68 @@
+/** The audit trail, for administrators: lines, the newest first, and whether the chain holds. */
+import { h } from "../dom.js";
+import { errorBox, field, once, onSubmit } from "../forms.js";
+import { dayAndTime, t, whole } from "../words/words.js";
+
+const PAGE = 100;
+const HEADS = ["when", "who", "what", "about", "patient", "where"];
+
+export function mount(root, api, { title }) {
+  title(t("audit.title"));
+  const box = errorBox();
+  const verdict = h("div", { role: "status" });
+  const rows = h("tbody", {});
+  const none = h("p", { class: "soft", hidden: true }, t("audit.none"));
+  const who = h("input", { autocomplete: "off" });
+  const patient = h("input", { inputmode: "numeric", autocomplete: "off" });
+  const more = h("button", { hidden: true, onclick: () => once(more, box, () => draw(rows.lastChild.dataset.id)) }, t("audit.more"));
+  const form = h(
+    "form",
+    { class: "buttons", novalidate: true },
+    field(t("audit.who_only"), who),
+    field(t("audit.patient_only"), patient),
+    h("button", { type: "submit" }, t("audit.show")),
+  );
+
+  async function draw(before) {
+    const query = new URLSearchParams({ limit: PAGE });
+    const wanted = { who: who.value.trim(), patient: patient.value.trim(), before };
+    for (const [name, value] of Object.entries(wanted)) if (value) query.set(name, value);
+    const lines = await api.get(`/api/audit?${query}`);
+    if (!before) rows.replaceChildren();
+    rows.append(...lines.map(one));
+    more.hidden = lines.length < PAGE;
+    none.hidden = rows.childElementCount > 0;
+  }
+
+  const verify = h("button", { onclick: () => once(verify, box, check) }, t("audit.verify"));
+
+  async function check() {
+    const { lines, last, broken } = await api.get("/api/audit/verification");
+    const words = broken ? t("audit.broken", { broken }) : t("audit.holds", { lines: whole(lines), last: last.slice(0, 16) });
+    verdict.replaceChildren(h("p", { class: broken ? "error" : "soft" }, words));
+  }
+
+  onSubmit(form, box, () => draw());
+  root.append(
+    h("div", { class: "head" }, h("div", {}, h("h1", {}, t("audit.title")), h("p", { class: "soft" }, t("audit.lead"))), verify),
+    box.element,
+    verdict,
+    h(
+      "section",
+      { class: "card" },
+      form,
+      h("table", {}, h("thead", {}, h("tr", {}, HEADS.map((word) => h("th", { scope: "col" }, t(`audit.${word}`))))), rows),
+      none,
+      more,
+    ),
+  );
+  draw().catch(box.show);
+  return () => root.replaceChildren();
+}
+
+/** A line as it is kept: its words are those of `handscope audit list`. */
+function one({ id, at, who, what, kind, ref, patient, address, counts }) {
+  const fields = (counts.fields ?? []).join(", ");
+  const cells = [who, what, [kind, ref, fields && `(${fields})`].filter(Boolean).join(" "), patient ?? "", address];
+  return h("tr", { "data-id": id }, h("th", { scope: "row" }, dayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
+}
