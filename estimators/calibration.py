@@ -22,6 +22,16 @@ class SensorQuality:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What was found of a hand and a glove before: it holds as long as the glove is not taken off. Everything by segment name."""
+
+    hand: Hand
+    q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations that movement told
+    gyr_bias: Mapping[str, Array]  # (3,) rad/s
+    lengths: Mapping[str, float]  # m, of segments that movement told
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Everything by segment name; a segment without an entry is not measured."""
 

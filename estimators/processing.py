@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from estimators import full_scales, functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
-from estimators.calibration import Calibration
+from estimators.calibration import Calibration, Known
 from estimators.errors import InputError
 from estimators.finding import Finding, whole_streams
 from estimators.force import fingertip_forces
@@ -40,8 +40,12 @@ def process(
     recording: Recording,
     calibration_recording: Recording | None = None,
     progress: Callable[[float], None] = lambda share: None,
+    known: Known | None = None,
 ) -> Processed:
-    """Run a method over a recording; `progress` hears the share done, 0 to 1. InputError where the recording cannot be calibrated."""
+    """Run a method over a recording; `progress` hears the share done, 0 to 1; `known`: from an earlier self-calibration.
+
+    InputError where the recording cannot be calibrated.
+    """
     _require_magnetometers(params, recording)
     told_scales = _limits_known(recording)
     if scales := full_scales.found(_whole(recording)):
@@ -50,6 +54,8 @@ def process(
         moved, calibrations, warnings = method.solve(params, recording, progress)
     else:
         calibrations, warnings = calibrate(params, recording, calibration_recording) if method.NEEDS_POSE else _without_pose(recording)
+        if known is not None:
+            calibrations = [with_known(c, known) for c in calibrations]
         moved = trajectory.join(_heard(run(method, params, calibrations, recording), _span(recording), progress), recording.hand)
     findings = findings_of(recording, calibrations)
     if method.NEEDS_POSE:
@@ -59,6 +65,23 @@ def process(
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
     said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved), *of_forces]
     return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings)
+
+
+def with_known(pose: Calibration, known: Known) -> Calibration:
+    """The pose of a hand whose lengths, and whose sensors' seats, were found before; the pose tells the rest. InputError for another hand."""
+    if pose.hand != known.hand:
+        raise InputError(f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one")
+    if pose.source == "none":
+        raise InputError(f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first")
+    seats = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
+    seated = functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats) if "hand" in pose.q_BS else pose
+    geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, **known.lengths})
+    return replace(
+        seated,
+        geometry=geometry,
+        gyr_bias={**known.gyr_bias, **pose.gyr_bias},
+        source=f"{pose.source}, seats and lengths from self-calibration",
+    )
 
 
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:

@@ -46,6 +46,7 @@ def calibration_table(c: Calibration) -> dict[str, Any]:
     }  # sd: rad about the segment's x, y, z
     return {
         "source": c.source,
+        "MeasuredHand": c.hand,
         "segment_lengths": {
             s: {"value": length, **({"sd": c.lengths_sd[s]} if s in c.lengths_sd else {})}
             for s, length in c.geometry.lengths.items()

@@ -15,7 +15,7 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.methods import BATCH, METHODS
 from estimators.processing import Processed, process
-from sessions import formats
+from sessions import calibration_result, formats
 from sessions.recording import LoadedRecording
 
 
@@ -34,7 +34,12 @@ def add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the method, see below; may be repeated"
     )
-    parser.add_argument("--calibration", type=Path, metavar="RECORDING", help="take the calibration events from another recording")
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="RECORDING",
+        help="take the calibration events from another recording, or what `map` found from its ..._calibration.json",
+    )
     parser.epilog = "methods and their options:\n" + "\n".join(
         f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in {**METHODS, **BATCH}.items()
     )
@@ -59,10 +64,14 @@ def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
 def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace) -> tuple[LoadedRecording, Processed]:
     """The recording that the arguments name, and what the method makes of it; a bar shows how far it is."""
     recording = formats.load(arguments.recording, arguments.hand)
-    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration else None
+    found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
+    known = calibration_result.read(arguments.calibration) if found else None
+    if known is not None and not method.NEEDS_POSE:
+        raise InputError(f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do")
+    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration and not found else None
     hear, close = progress_bar("processing")
     try:
-        return recording, process(method, params, recording, other, hear)
+        return recording, process(method, params, recording, other, hear, known)
     finally:
         close()
 

@@ -24,7 +24,7 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.run import run
 from estimators.samples import Block, Recording
-from estimators.self_calibration import certainty, first_guess, recordings, segments, solver
+from estimators.self_calibration import certainty, first_guess, recordings, segments, solver, steadiness
 from estimators.self_calibration.certainty import Certainty
 from estimators.self_calibration.problem import Noise, Readings, chain, columns, posed
 from estimators.self_calibration.segments import Segments
@@ -142,8 +142,9 @@ def _calibrated(
         posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
         guess,
         Limits(),
-        lambda k, cost: _heard(progress, min(0.95, k / 20)),
+        lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
+    _require_one_minimum(finger, found)
     told = segments.of_solution(found, recording.hand, recording.mounting)
     sure = certainty.of_finger(
         found,
@@ -162,6 +163,21 @@ def _sized(geometry: HandGeometry, chain: Sequence[str], found: Mapping[str, flo
     return replace(geometry, lengths={**geometry.lengths, **found, **rest})
 
 
+def _require_one_minimum(finger: str, found: Solution) -> None:
+    """InputError where a sensor slipped or the solver did not come to an end: what was found then is of no hand."""
+    slipped = steadiness.slips(found)
+    if slipped:
+        first = slipped[0]
+        raise InputError(
+            f"{finger}: the sensor of {first.sensor} sat differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
+            f" {np.degrees(first.tilt):.0f} deg); fix it and record again; this finger is not calibrated"
+        )
+    if found.outcome != "converged":
+        raise InputError(
+            f"{finger}: the calibration did not come to an end; record 40 s of free movement again; this finger is not calibrated"
+        )
+
+
 def _heard(progress: Callable[[float], None], share: float) -> bool:
     progress(share)
     return True
@@ -178,8 +194,6 @@ def _require_movement(params: Params, finger: str, read: Readings) -> None:
 def _told(params: Params, finger: Finger) -> list[str]:
     """What a person should know of the result."""
     found, said = finger.solution, []
-    if found.outcome != "converged":
-        said.append(f"{finger.name}: the calibration did not converge; do not trust it, record 40 s of free movement again")
     links = found.problem.chain
     for k, joint in enumerate(links.joints):
         extent = float(np.degrees(np.ptp(np.percentile(found.problem.bent[:, k], [1, 99]))))
@@ -201,7 +215,7 @@ def _known(params: Params, finger: Finger, segment: str) -> bool:
     joints = finger.solution.problem.chain.joints
     beside = [k for k, j in enumerate(joints) if segment in (_parent(finger, k), _child(finger, k))]
     bent = all(np.ptp(np.percentile(finger.solution.problem.bent[:, k], [1, 99])) >= np.radians(params.bent) for k in beside)
-    return finger.solution.outcome == "converged" and sd < params.length_known * length and bent
+    return sd < params.length_known * length and bent
 
 
 def _parent(finger: Finger, k: int) -> str:

@@ -22,6 +22,10 @@ from estimators.quaternions import Array
 Indices = NDArray[np.intp]
 GRAVITY = 9.80665
 THESIS = "Kortier, thesis 4.5.1"
+RESTING_GYR, RESTING_ACC = (
+    0.3,
+    0.06,
+)  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, three times an MPU-9250's noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,12 @@ class Noise:
         "deg/s",
         "bias of a gyroscope",
         "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, table 1, after one calibration; size ours",
+    )
+    rest: float = option(
+        0.05,
+        "deg/s",
+        "turning that nobody sees in a second in which every sensor rests",
+        "ours: a hand on a table; noise of 100 samples is 0.01",
     )
     acc_bias: float = option(
         0.2, "m/s^2", "bias of an accelerometer", "MPU-9250 product specification: 60 mg before calibration; size ours"
@@ -126,6 +136,8 @@ class Problem:
     start: Array  # (S, 4) q_GS of the first sample as first believed
     distal: Array  # (S, 3) unit, where the nominal mounting has the segment's distal end, in the sensor's frame
     flexing: Array  # (S, 3) unit, about what it has the segment flex
+    bias_told: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
+    bias_sd: float  # rad/s
     bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
 
     def __len__(self) -> int:
@@ -190,6 +202,7 @@ def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: 
 
 def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Hand, mounting: Mapping[str, Array]) -> Problem:
     """The problem of these readings; orientations begin near `start` (S, 4); `mounting` is the nominal one, q_BS by segment."""
+    bias_told, bias_sd = at_rest(noise, readings)
     to_sensor = quat.conjugate(quat.normalize(np.array([mounting.get(s, quat.IDENTITY) for s in chain.sensors], float)))
     w, dt = readings.gyr, readings.dt
     between = dt * readings.gyr_doubt
@@ -205,8 +218,21 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Ha
         start,
         quat.rotate(to_sensor, side_sign(hand) * np.array([0.0, 1.0, 0.0])),
         quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0])),
+        bias_told,
+        bias_sd,
         np.zeros((len(readings), len(chain.joints))),
     )
+
+
+def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:
+    """Biases of gyroscopes (S, 3) and their standard deviation, from the seconds in which every sensor rests; nothing but their size where none does."""
+    each = max(1, round(1 / readings.dt))
+    seconds = len(readings) // each
+    gyr, acc = (v[: seconds * each].reshape(seconds, each, *v.shape[1:]) for v in (readings.gyr, readings.acc))
+    still = (gyr.std(axis=1).max(axis=(1, 2)) < np.radians(RESTING_GYR)) & (acc.std(axis=1).max(axis=(1, 2)) < RESTING_ACC)
+    if not still.any():
+        return np.zeros(readings.gyr.shape[1:]), float(np.radians(noise.gyr_bias))
+    return gyr[still].mean(axis=(0, 1)), float(np.radians(noise.rest))
 
 
 def resized(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:

@@ -194,7 +194,7 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
     sizes = (
         (c.far, at.far, noise.place),
         (c.near, at.near, noise.place),
-        (c.bias_gyr, at.bias_gyr, np.radians(noise.gyr_bias)),
+        (c.bias_gyr, at.bias_gyr - problem.bias_told, problem.bias_sd),
         (c.bias_acc, at.bias_acc, noise.acc_bias),
         (c.scale_gyr, at.scale_gyr, noise.scale),
         (c.scale_acc, at.scale_acc, noise.scale),

@@ -17,13 +17,14 @@ from estimators.self_calibration.problem import Problem, Unknowns, bent, columns
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 GROSS = 10.0  # usual errors by which a first guess may be off
+AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
 MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
 Outcome = Literal["converged", "not converged", "stopped"]
 
 
 @dataclass(frozen=True)
 class Limits:
-    iterations: int = 60
+    iterations: int = 30
     least_gain: float = (
         0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
     )
@@ -51,6 +52,11 @@ def solve(
     for k in range(limits.iterations):
         problem = bent(problem, at)
         normal, costs[-1] = built(problem, at)
+        if (
+            k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain
+        ):  # joints are flexed as they were: what is left goes round in circles
+            outcome = "converged" if max(costs[-1 - AROUND :]) - min(costs[-1 - AROUND :]) < CIRCLE else "not converged"
+            break
         while True:
             try:
                 step = normal_equations.step(normal, normal_equations.factored(normal, damping))

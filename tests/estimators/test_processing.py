@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimators import quaternions as quat
+from estimators.calibration import Known
 from estimators.errors import InputError
 from estimators.methods import m2
 from estimators.processing import process
 from estimators.samples import Block, Event
 from estimators.simulation.scenario import Simulated
+from estimators.simulation.sensors import IDEAL
 from tests.simulated import DEG, INSTANT, assert_same, pose_and_wiggle, tracked, with_samples
 
 PARAMS = INSTANT
@@ -90,3 +93,22 @@ def test_what_was_missing_lost_or_at_its_limit_is_told_by_segment() -> None:
         "little_distal: samples missing and bridged in 7.0 % of the samples",
         "little_distal: heading lost after a gap in 8.5 % of the samples",
     }
+
+
+def test_seats_and_lengths_found_before_serve_a_pose() -> None:
+    skewed = replace(IDEAL, misalignment=8.0)
+    worn = pose_and_wiggle("left", skewed)
+    told = ("index_proximal", "index_middle")
+    seats = {s: worn.sensors.q_BS[worn.sensors.segments.index(s)] for s in told}
+    longer = {s: 1.1 * worn.geometry.lengths[s] for s in told}
+    done = process(m2, PARAMS, worn, known=Known("left", seats, {}, longer)).calibrations[0]
+    for s in told:
+        assert quat.angle(quat.relative(done.q_BS[s], seats[s])) < 1e-9
+        assert done.geometry.lengths[s] == longer[s]
+    assert done.geometry.lengths["ring_middle"] == worn.geometry.lengths["ring_middle"]
+    assert "self-calibration" in done.source
+
+
+def test_what_was_found_of_the_other_hand_is_refused() -> None:
+    with pytest.raises(InputError, match="of the right hand, the recording of the left"):
+        process(m2, PARAMS, pose_and_wiggle("left"), known=Known("right", {}, {}, {}))

@@ -5,7 +5,9 @@ from functools import cache
 
 import numpy as np
 
+from estimators import quaternions as quat
 from estimators.quaternions import Array
+from estimators.samples import Block
 from estimators.self_calibration import first_guess
 from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, posed
 from estimators.simulation import artificial_finger
@@ -21,6 +23,15 @@ HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 @cache
 def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
     return artificial_finger.recorded(np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration)
+
+
+def slipped(recording: Simulated, row: int, by: float) -> Simulated:
+    """The recording with one sensor turned by so many deg about a slanted axis for the second half."""
+    block = recording.samples["imu"]
+    half, values = len(block.t) // 2, block.values.copy()
+    turn = quat.exp(np.radians(by) * np.array([0.6, 0.0, 0.8]))
+    values[half:, row] = quat.rotate(turn, values[half:, row].reshape(-1, 2, 3)).reshape(-1, 6)
+    return replace(recording, samples={"imu": Block(block.stream, block.t, values)})
 
 
 def readings(recording: Simulated) -> Readings:
