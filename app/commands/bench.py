@@ -8,7 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from app.benchmarks import BENCHES, Metric, bench
+from app.benchmarks import BENCHES, Metric, bench, gate
 from app.commands.words import say
 from app.version import software_version
 from estimators.errors import InputError
@@ -18,6 +18,14 @@ from sessions.writing import save_file
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(BENCHES)} (all)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.add_argument(
+        "--gate",
+        nargs="?",
+        type=Path,
+        const=gate.BASELINE,
+        metavar="FILE",
+        help="exit code 1 where a figure is worse than the committed baseline allows",
+    )
     parser.epilog = "\n".join(f"{name}: {meaning}" for name, meaning in BENCHES.items())
 
 
@@ -25,8 +33,9 @@ def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.names if name not in BENCHES]
     if unknown:
         raise InputError(f"there is no benchmark {unknown[0]!r}; benchmarks are {', '.join(BENCHES)}")
+    allowed = gate.read(arguments.gate) if arguments.gate else {}
     found: dict[str, list[Metric]] = {}
-    for name in arguments.names or BENCHES:
+    for name in arguments.names or (allowed or BENCHES):
         with threadpool_limits(1):
             found[name] = bench(name)()
         for metric in found[name]:
@@ -40,7 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
         }
         figures = {name: [{**asdict(m), "met": m.met} for m in metrics] for name, metrics in found.items()}
         save_file((json.dumps({**machine, "benchmarks": figures}, indent=2) + "\n").encode(), arguments.json)
-    return 0
+    worse = gate.worse(allowed, found)
+    for sentence in worse:
+        say(f"WORSE: {sentence}")
+    return 1 if worse else 0
 
 
 def _line(name: str, m: Metric) -> str:

@@ -7,9 +7,10 @@ from sqlalchemy import func, select
 from starlette.testclient import TestClient
 
 from app.api.access import new_token
-from app.benchmarks import BENCHES, bench, pages
+from app.benchmarks import BENCHES, Metric, bench, gate, pages
 from app.server import create_app
 from app.settings import Settings
+from estimators.errors import InputError
 from sessions.store import open_store
 from sessions.tables import Patient, PatientSession, RecordingFile, Result
 
@@ -38,3 +39,23 @@ def test_the_pages_are_measured_on_as_many_rows_as_is_said(tmp_path: Path, monke
         visits = client.get("/api/patients/1").json()["sessions"]
         assert len(visits) == pages.MANY
         assert {v["calibration"]["source"] for v in visits} == {"initial pose"}
+
+
+def test_the_gate_knows_worse_from_better_and_from_a_slow_hour() -> None:
+    def run(yardstick: float, speed: float, lost: float) -> dict[str, list[Metric]]:
+        return {"batch": [Metric("yardstick", yardstick, "x", None, "higher"), Metric("speed", speed, "x", None, "higher"), Metric("lost", lost, "", 0, "lower")]}  # fmt: skip
+
+    allowed = {"batch": {"speed": gate.Allowed(0.25, 1.5, "yardstick"), "lost": gate.Allowed(0.0, 1.0)}}
+    assert gate.worse(allowed, run(2000, 500, 0)) == []
+    assert gate.worse(allowed, run(200, 50, 0)) == [], "everything is slower: the machine is"
+    assert gate.worse(allowed, run(2000, 350, 0)) == []
+    assert [w.split(" is ")[0] for w in gate.worse(allowed, run(2000, 300, 1))] == ["batch: speed", "batch: lost"]
+    assert gate.worse(allowed, {"batch": []}) == ["batch: speed was not measured", "batch: lost was not measured"]
+    assert gate.worse(allowed, {"pages": []}) == []
+
+
+def test_the_committed_baseline_is_readable(tmp_path: Path) -> None:
+    assert {a.per for a in gate.read(gate.BASELINE)["batch"].values()} == {"", "VQF alone (yardstick)"}
+    (tmp_path / "b.json").write_text('{"batch": {"speed": 3}}')
+    with pytest.raises(InputError, match="no baseline"):
+        gate.read(tmp_path / "b.json")
