@@ -213,8 +213,8 @@ def _opened(source: Path) -> Iterator[zipfile.ZipFile]:
             yield archive
     except DAMAGED as problem:
         raise InputError(f"{source} is damaged or no backup ({problem}); nothing was restored") from None
-    except (FileNotFoundError, IsADirectoryError, PermissionError) as problem:
-        raise InputError(f"{source} cannot be read: {problem.strerror}") from None
+    except OSError as problem:  # also where a damaged directory points before the file's beginning
+        raise InputError(f"{source} cannot be read: {problem.strerror}; nothing was restored") from None
 
 
 def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
