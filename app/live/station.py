@@ -212,7 +212,10 @@ class Station:
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
         felt = {p for s in self.glove.assembler.streams.values() if FORCE in s.quantities for p in s.sensors}
-        return Facts(time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh) | felt, bends(fresh))
+        kept = self.glove.state.state != "recording_failed"
+        return Facts(
+            time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh) | felt, bends(fresh), kept
+        )
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from app.live.station import Station
 
 SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
+STOPPED = ("Nothing more is recorded", "What was recorded and accepted until then is kept; the trial that ran is not. End the session.")
 PASSIVE = (
     "Initial pose, given by you",
     "Lay the patient's hand as the blue hand shows: flat, fingers straight and together, thumb out sideways. Hold it on the table, then start.",
@@ -92,9 +93,9 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
     """Where the wizard stands: what to say, what can be done, which tasks there are, and what the metronome goes by."""
     protocol = w.protocol
     in_task = w.state in (State.TASK_READY, *wz.COUNTING, *wz.RUNNING, State.STEP_READY)
-    title, words = (protocol.title, protocol.instruction) if in_task and protocol else _words(w, facts)
+    title, words = (protocol.title, protocol.instruction) if in_task and protocol and facts.kept else _words(w, facts)
     steps = [p.name for p in w.steps_offered(facts)] if w.state in wz.STEPPING else []
-    if in_task and w.task in steps:
+    if in_task and w.task in steps and facts.kept:
         title = f"Step {steps.index(w.task) + 1} of {len(steps)}: {title}"
     return {
         "state": w.state,
@@ -123,6 +124,8 @@ def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
 
 def _words(w: Wizard, facts: Facts) -> tuple[str, str]:
     """Title and sentence of a state that is no task's."""
+    if not facts.kept and w.state is not State.FINISHED:
+        return STOPPED
     if w.state is State.STEP_REVIEW and (judged := w.judgement(w.task)) and judged.problems:
         return SPOILT
     if w.state is State.CHECK and (finger := w.asked(facts)):

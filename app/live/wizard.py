@@ -82,7 +82,9 @@ def act(
 
 
 def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
-    """Time passed: pose held long enough, countdown over, task or step over."""
+    """Time passed: pose held long enough, countdown over, task or step over. Without a recording nothing goes on."""
+    if not facts.kept:
+        return wizard, ()
     if wizard.state is State.POSE_HOLD:
         return _hold(wizard, facts)
     if wizard.state is State.CHECK:

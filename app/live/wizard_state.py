@@ -24,6 +24,7 @@ class Facts:
     restless: str  # its segment
     measured: frozenset[str]  # segments with samples
     bends: str = ""  # the finger that moves while the others hardly do
+    kept: bool = True  # the recording takes what is measured; with a full disk it does not, and nothing but finishing makes sense
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Wizard:
 
     def allowed(self, facts: Facts) -> list[Act]:
         """What a person can do now, in the order of the table."""
-        acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON]
+        acts = [a for a in TRANSITIONS[self.state] if a in BY_PERSON and (facts.kept or a is Act.FINISH)]
         barred = {
             Act.CONTINUE: not ready(facts),
             Act.CHECK: not ready(facts) or len(self.checkable(facts)) < 2,

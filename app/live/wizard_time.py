@@ -15,7 +15,7 @@ def progress(wizard: Wizard, facts: Facts) -> float:
 
 def remaining(wizard: Wizard, facts: Facts) -> float | None:
     """Seconds left of the rest between two trials, the countdown or the task; None where nothing is timed."""
-    protocol = wizard.protocol
+    protocol = wizard.protocol if facts.kept else None
     if wizard.state is State.TASK_READY and protocol and protocol.pause and wizard.accepted(protocol.name):
         left = protocol.pause - (facts.now - wizard.rested_since)
         return left if left > 0 else None

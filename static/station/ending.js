@@ -25,8 +25,11 @@ export function mount(root, api, { station }) {
   return station.on(
     "full",
     whenChanged(
-      ({ wizard }) => wizard.state === "finished" || wizard.actions.includes("finish"),
-      (needless) => (root.hidden = needless),
+      ({ wizard, glove }) => [wizard.state === "finished" || wizard.actions.includes("finish"), glove.state === "recording_failed"],
+      ([needless, last]) => {
+        root.hidden = needless;
+        opener.className = last ? "primary large" : "plain"; // nothing else is left to do
+      },
     ),
   );
 }

@@ -44,6 +44,17 @@ def kinds(orders: "list[Order] | tuple[Order, ...] | object") -> list[tuple[str,
     return [(o.kind, o.task) for o in orders]  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("state", [s for s in State if s is not State.FINISHED])
+def test_when_the_recording_has_stopped_nothing_goes_on_and_only_finishing_is_offered(state: State) -> None:
+    stopped = later(READY, 60.0, kept=False)
+    w = at(state, task="rom_fist", onset=READY.t)
+    assert wizard.tick(w, stopped) == (w, ())
+    assert set(w.allowed(stopped)) <= {Act.FINISH}
+    assert wizard.remaining(w, stopped) is None
+    with pytest.raises(NotNowError):
+        wizard.act(w, Act.ACCEPT, stopped)
+
+
 def test_every_state_can_be_reached_and_left_except_the_last() -> None:
     reached = {after for row in TRANSITIONS.values() for after in row.values()} | {State.CONNECT}
     assert reached == set(State) == set(TRANSITIONS)
@@ -195,7 +206,7 @@ def test_only_tasks_whose_segments_are_measured_are_offered() -> None:
 def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
     w = at(State.TASKS)
     assert [p.name for p in w.listed(READY)] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
-    assert list(w.groups(READY)) == ["routine", *groups(PROTOCOLS)]
+    assert list(w.groups(READY)) == ["routine", *groups(w.offered(READY))]
     w, orders = wizard.act(w, Act.GROUP, READY, group="powerglove")
     assert (w.state, list(orders), len(w.listed(READY))) == (State.TASKS, [], 15)
     with pytest.raises(NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"):
