@@ -30,7 +30,7 @@ HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes 
 NONE = "no force was measured; the glove has no force sensors on the fingertips"
 KINDS = kinds(
     Kind("lift_count", "1", "times that something was lifted", "ours"),
-    Kind("lift_mass", "kg", "estimated mass of what was lifted, from the sum of the fingertips' forces against gravity and acceleration", f"{KORTIER}, (6.5)"),
+    Kind("lift_mass", "kg", "estimated mass of what was lifted, from the sum of the fingertips' forces against gravity and acceleration; tells how well forces are measured, no clinical value", f"{KORTIER}, (6.5)"),
     Kind("lift_grip_hold", "N", "mean grip force while the object was held up: half of the difference of the thumb's and the fingers' forces", KORTIER),
     Kind("lift_grip_max", "N", "mean of the largest grip force", KORTIER),
     Kind("lift_load_hold", "N", "mean load force while the object was held up: the sum of the forces against gravity", KORTIER),

@@ -171,7 +171,7 @@ def by_strip(stream: Stream) -> list[Stream]:
     kinds: list[tuple[str, tuple[str, ...]]] = [("", (GYR, ACC))] if stream.inertial else []
     kinds += [(f"_{q}", (q,)) for q in stream.quantities if not (stream.inertial and q in (GYR, ACC))]
     return [
-        Stream(name + suffix, tuple(points), quantities, stream.rate, stream.clock, stream.full_scale)
+        Stream(name.removesuffix(suffix) + suffix, tuple(points), quantities, stream.rate, stream.clock, stream.full_scale)
         for name, points in groups.items()
         for suffix, quantities in kinds
     ]

@@ -12,7 +12,7 @@ from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, layout
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import sized
-from estimators.samples import ACC, Block, join
+from estimators.samples import ACC, FORCE, Block, join
 from estimators.simulation.sensors import SensorErrors
 from sessions.recording import LoadedRecording
 from sessions.wire import messages as wire
@@ -76,6 +76,21 @@ def test_strips_may_have_rates_of_their_own() -> None:
     streams = play(glove(wearer), 1.0)
     assert {name: b.stream.rate for name, b in streams.items()} == {"hand": 100.0, "thumb": 100.0, "index": 500.0}
     assert len(streams["index"].t) == pytest.approx(500, abs=15)
+
+
+def test_force_sensors_come_at_their_own_rate_with_their_limit() -> None:
+    streams = play(glove(person(("thumb", "index", "force"))), 2.0)
+    (force,) = (b for b in streams.values() if FORCE in b.stream.quantities)
+    assert force.stream.sensors == ("thumb_tip_force", "index_tip_force")
+    assert (force.stream.rate, force.stream.full_scale[FORCE]) == pytest.approx((12.0, 30.0))
+    assert len(force.t) >= 22
+    assert np.abs(force.of(FORCE)).max() < 1.5  # a zero of some tenths, nothing touched
+    assert len(np.unique(force.of(FORCE))) > 60
+
+
+def test_a_force_strip_needs_the_fingers_that_it_sits_on() -> None:
+    with pytest.raises(InputError, match="tips of thumb and index finger"):
+        layout(("index", "force"), 100.0)
 
 
 def test_a_resting_wearer_reads_gravity_in_every_sensor() -> None:

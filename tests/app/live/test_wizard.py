@@ -206,7 +206,9 @@ def test_only_tasks_whose_segments_are_measured_are_offered() -> None:
 def test_the_usual_assessment_is_listed_until_another_group_is_chosen() -> None:
     w = at(State.TASKS)
     assert [p.name for p in w.listed(READY)] == ["rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping"]
-    assert list(w.groups(READY)) == ["routine", *groups(w.offered(READY))]
+    assert list(w.groups(READY)) == ["routine", *(g for g in groups(PROTOCOLS) if g != "force")]  # this glove has no force sensors
+    felt = replace(READY, measured=READY.measured | {"thumb_tip_force", "index_tip_force"})
+    assert list(w.groups(felt)) == ["routine", *groups(PROTOCOLS)]
     w, orders = wizard.act(w, Act.GROUP, READY, group="powerglove")
     assert (w.state, list(orders), len(w.listed(READY))) == (State.TASKS, [], 15)
     with pytest.raises(NotNowError, match="no group of tasks 'knee'; groups are routine, range_of_motion"):
