@@ -95,9 +95,10 @@ def _ranges(
         {
             "full": group[0] in full,
             "tasks": list(dict.fromkeys(t.title for t in group)),
-            "rows": _rows(group, group[0] in full, language, changes),
+            "rows": rows,
         }
-        for group in groups
+        for k, (group, rows) in enumerate((group, _rows(group, group[0] in full, language, changes)) for group in groups)
+        if rows or not k
     ]
 
 

@@ -5,14 +5,17 @@ import { changesCaption } from "./changes.js";
 
 export function mount(root, api, { result }) {
   const tables = result.readings.ranges;
-  root.append(...tables.map((told) => section(told, result.readings.changes)));
+  root.append(...tables.map((told, k) => section(told, result.readings.changes, k > 0 && !told.full)));
   if (!tables.length && !result.readings.tapping.length && !result.readings.others.length)
     root.append(h("div", { class: "card" }, h("p", { class: "empty" }, h("strong", {}, t("ranges.empty")), t("ranges.empty.next"))));
   return () => {};
 }
 
-function section(told, changes) {
-  const heading = [h("h2", {}, t(told.full ? "ranges.title" : "ranges.reached")), h("p", { class: "soft" }, told.tasks.join("; "))];
+/** Of a task that did not ask for the full range it is folded away below the first. */
+function section(told, changes, folded) {
+  const title = t(told.full ? "ranges.title" : "ranges.reached");
+  const tasks = told.tasks.join("; ");
+  const heading = [h("h2", {}, title), h("p", { class: "soft" }, tasks)];
   if (!told.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
     h("th", { scope: "col" }, t(word)),
@@ -20,6 +23,7 @@ function section(told, changes) {
   const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(told.rows).map(body));
   const compared = told.rows.some((row) => Object.values(row.changes).some(Boolean));
   const captions = [h("p", { class: "hint" }, t("ranges.caption")), compared && changesCaption(changes, "range_of_motion")];
+  if (folded) return h("details", { class: "card" }, h("summary", {}, h("h2", {}, t("ranges.of", { title, tasks }))), table, captions);
   return h("div", { class: "card" }, heading, table, captions);
 }
 
