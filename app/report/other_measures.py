@@ -56,8 +56,8 @@ def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
     """Name, a value a trial, unit, the worst grade and its reason."""
     worst = max(figures, key=lambda f: GRADES.index(f.grade))
     unit = unit_words(reading(figures[0]).unit, language)
-    values = [_value(f, language) for f in figures]
-    reasons = dict.fromkeys(language.heard(words) for f in figures for words in (f.category, f.reason) if words)
+    values = [_value(f, language) + (f" ({language.heard(f.category)})" if f.category else "") for f in figures]
+    reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
     return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
 
 
