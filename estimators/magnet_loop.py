@@ -9,12 +9,14 @@ import math
 import numpy as np
 
 from estimators.compiled import inlined, looped
+from estimators.dipole import MU0_4PI
 from estimators.kalman import correct
 from estimators.magnet_filter import (
     BBG,
     BTA,
     BTG,
     EVIDENCE,
+    MOM,
     P_,
     TH,
     THG,
@@ -42,9 +44,11 @@ from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
+GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
+AUDIBLE = 1.0  # times what calibrations leave and a single reading's noise
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 MEMORY = 0.5  # s over which surprises are averaged
-LOST = 16.0  # mean normalised innovation squared at which the place is given up
+LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
 SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading
 
@@ -90,24 +94,49 @@ def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float)
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
             start, grown = np.zeros(len(P)), 1.0
-    dx, C, _ = magnetic(s, x, P, start, mag, grown)
+    dx, C, cost = magnetic(s, x, P, start, mag, grown)
     out: Array = moved(x, dx)
-    if not straight(out, C):  # the field bends over what is not known: standard deviations from its slope would say nothing
-        return x
-    put(C, P)
-    return out
+    if cost < GATE * 3 * len(mag) and told(s, out, C):
+        put(C, P)
+        return out
+    return without(s, x, P, mag)
 
 
 @inlined
-def straight(x: Array, P: Array) -> bool:
-    """Whether the place is known better than a share of its distance from the nearest magnetometer."""
+def told(s: Sizes, x: Array, P: Array) -> bool:
+    """Whether readings tell a place: known better than a share of its distance, for the dipole bends over what is not known and standard deviations
+    from its slope would say nothing; and the magnet heard over what calibrations leave, which does not get less by waiting."""
     nearest, many = math.inf, magnetometers(x)
     for k in range(many):
         first, square = XM + 6 + 3 * (many + k), 0.0
         for i in range(3):
             square += (x[i] - x[first + i]) ** 2
         nearest = min(nearest, square)
-    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest)
+    moment = math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2)
+    heard = MU0_4PI * moment / nearest**1.5
+    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest and heard**2 > AUDIBLE**2 * (s.mag**2 + s.mag_left**2))
+
+
+@inlined
+def without(s: Sizes, x: Array, P: Array, mag: Array) -> Array:
+    """The update of a trunk whose magnet is out of reach, in place: the room's field alone. Gives the state; nothing where that does not fit either."""
+    H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
+    missed, noise, dx, C = np.zeros(len(H)), np.zeros((len(H), len(H))), np.empty(len(P)), P.copy()
+    for i in range(3):
+        far[XM + i] = 0.0
+    for k in range(len(mag)):
+        reads = seen(far, k, h)
+        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+        for i in range(3):
+            row = 3 * k + i
+            noise[row, row], missed[row] = s.mag**2 + s.mag_left**2, mag[k, i] - reads[i] if there else 0.0
+            for j in range(len(P)):
+                H[row, j] = h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
+    if correct(C, missed, H, noise, dx) > GATE * len(H):
+        return x
+    put(C, P)
+    out: Array = moved(x, dx)
+    return out
 
 
 @inlined
@@ -236,14 +265,15 @@ def followed(
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        told = surprise(s, x, P, mags[n])
-        if told >= 0:
+        new = surprise(s, x, P, mags[n])
+        if new >= 0:
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
-            x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt))
+            if new < GATE or wide:
+                x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt))
             if wide:  # before it was found nothing could be expected
-                told = surprise(s, x, P, mags[n])
-            mood[SURPRISE] += min(1.0, since / MEMORY) * (min(told, 100.0) - mood[SURPRISE])
+                new = surprise(s, x, P, mags[n])
+            mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:
                 forgotten(s, x, P, centre, TURN_LOST)

@@ -19,7 +19,7 @@ from estimators.simulation.magnetic_field import EARTH, office
 MM = 1e3
 SPOT = np.array([0.0, -0.35, 0.9])  # m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm
 FIRST = 10.0  # s that are left out, as in the thesis
-FRONT = np.array([0.0, 0.0, 0.25])  # m from the first magnetometer to the middle of where hands work: before the chest
+FRONT = np.array([0.0, 0.0, 0.25])  # m from the only magnetometer to the middle of where hands work: one cannot tell front from back
 MAGNETOMETERS = {"four": 4, "one": 1}
 MOVEMENTS = {"hand": "moving hand", "trunk": "moving trunk", "both": "both moving"}
 FIGURES = {"position": "mm", "relative": "deg", "trunk": "deg"}
@@ -60,7 +60,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     m = magnet.condition(trial.movement, rng, spot=SPOT)
     told = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))
     array, carried = magnet_setup.constellation(worn.told_places, q_bl), magnet_setup.magnet(worn.told_moment, worn.told_lever)
-    setup = Setup(array, carried, EARTH, dip, array.places[0] + FRONT, told)
+    setup = Setup(array, carried, EARTH, dip, array.places[0] + FRONT if count == 1 else None, told)
 
     def tracked(m: Motion) -> Track:
         inertial, mag = magnet.inertial(worn, m, rng), _corrected(spheres, magnet.magnetic(worn, m, room, rng))
