@@ -68,4 +68,5 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def bug(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s", request.method, request.url.path, exc_info=error)
-        return JSONResponse({"error": "something went wrong inside Handscope; the log has the details, nothing was changed"}, 500)
+        said = "something went wrong inside Handscope; the log has the details, nothing was changed"
+        return JSONResponse({"error": preferred(request).heard(said)}, 500)
