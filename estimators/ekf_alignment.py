@@ -10,7 +10,7 @@ Limits  accelerations of a stream with other instants are interpolated over two 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from estimators.forward_kinematics import CHAIN_SEGMENTS
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.missing_samples import complete_row
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, SATURATION, Block, Stream, beyond_row, every
+from estimators.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row, every
 from estimators.sensor_fusion import LOST_DOUBT
 from estimators.time_base import Rows
 from estimators.trajectory import Flag
@@ -57,6 +57,7 @@ class Waiting:
     t: Array  # (n,)
     gyr: Array  # (n, worn, 3) rad/s
     acc: Array  # (n, worn, 3) m/s^2
+    mag: Array | None = None  # (n, worn, 3) uT, where it is asked for
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def start(calibration: Calibration) -> State:
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
-    """Keep a block's samples until their rows come."""
+    """Keep a block's samples until their rows come, with their magnetometers' where the block has them."""
     before = state.waiting.get(block.stream.name)
     if before is None or before.stream != block.stream:
         before = _nothing(block.stream, calibration, q_SB)
@@ -81,7 +82,8 @@ def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> 
         return state
     gyr, acc = _seen(before.worn, block)
     t, gyr, acc = (np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc)))
-    return replace(state, waiting={**state.waiting, block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc)})
+    mag = before.mag if before.mag is None else np.concatenate([before.mag, _fields(before.worn, block)])
+    return replace(state, waiting={**state.waiting, block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc, mag)})
 
 
 def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float) -> tuple[State, Samples]:
@@ -102,7 +104,20 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     t = float(rows.t[-1])
     kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
     after = State(strange, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
-    return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first)
+    return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first, _magnetic(state.waiting.values(), rows.t))
+
+
+def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
+    """Fields (n, F, 2, 3) at the chains' first and last sensors, the newest not after t; NaN where there are none, None where none is asked for."""
+    if all(w.mag is None for w in waiting):
+        return None
+    found = np.full((len(t), len(SEGMENTS), 3), np.nan)
+    for w in waiting:
+        if w.mag is not None and len(w.t):
+            newest = w.t.searchsorted(t, side="right") - 1
+            recent = (newest >= 0) & (t - w.t[newest] < 1.5 * w.period)
+            found[:, w.worn.segments] = np.where(recent[:, None, None], w.mag[newest], np.nan)
+    return found[:, SENSORS[:, [0, 3]]]
 
 
 def _appearing(strange: NDArray[np.bool_], q_GB: Array) -> tuple[NDArray[np.bool_], Array]:
@@ -122,7 +137,8 @@ def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
     bias = np.array([calibration.gyr_bias.get(name, np.zeros(3)) for name in names]).reshape(-1, 3)
     worn = Worn(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
     nothing = np.empty((0, len(columns), 3))
-    return Waiting(stream, worn, 1.0 / calibration.rates.get(stream.name, stream.rate), np.empty(0), nothing, nothing)
+    period, mag = 1.0 / calibration.rates.get(stream.name, stream.rate), nothing if MAG in stream.quantities else None
+    return Waiting(stream, worn, period, np.empty(0), nothing, nothing, mag)
 
 
 def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
@@ -130,6 +146,11 @@ def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
     limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
     gyr, acc = _in_segments(block.of(GYR)[:, worn.columns], block.of(ACC)[:, worn.columns], worn.bias, worn.q_BS, *limits)
     return gyr, acc
+
+
+def _fields(worn: Worn, block: Block) -> Array:
+    """Magnetic fields (n, worn, 3) in segment frames, uT."""
+    return 1e6 * quat.rotate(worn.q_BS, block.of(MAG)[:, worn.columns])
 
 
 @rowwise("(v),(v),(v),(q),(),()->(v),(v)")
@@ -232,5 +253,5 @@ def _between(
 def _pruned(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
     first = max(int(np.searchsorted(waiting.t, t, side="right")) - 1, 0)
-    kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:]
+    kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:], None if waiting.mag is None else waiting.mag[first:]
     return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)

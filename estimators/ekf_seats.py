@@ -2,7 +2,7 @@
 
 In      rotations q_pc between the (calibrated) frames of neighbouring sensors, seats q_SB (segment to sensor) and skin (turn of a sensor on its segment
         in rad per rad of its joint's flexion)
-Out     true joint rotations, their derivatives by all 42 error states of a chain, the covariance of those after the initial pose
+Out     true joint rotations, their derivatives by all error states of a chain, the covariance of those after the initial pose
 Source  ours; that a sensor is turned by its skin in proportion to flexion is the first order of what is not known better
 Limits  the hand's sensor is not turned by skin: its part is counted to the chain's first joint
 """
@@ -19,8 +19,8 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put
 
-ANGLES, BIASES, SEATS, SKIN = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42)
-SIZE = 42
+ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
+SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/ekf_magnetometers.py); nothing where it is not asked for
 AXIS_OF = (2, 0, 1)  # flexion turns about z, deviation about x, pronation about y
 
 
@@ -60,7 +60,7 @@ def joints(q_pc: Array, seat: Array, skin: Array, turned: Array) -> Array:
 
 
 def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats) -> Array:
-    """Covariance (F, 42, 42) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
+    """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
     The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
     errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose.
@@ -135,7 +135,7 @@ def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexi
 
 @inlined
 def seated_row(q_pc: Array, seat: Array, skin: Array, q: Array, A: Array) -> None:
-    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 42): how their errors d, q_true = q exp(d), follow from the chain's error
+    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): how their errors d, q_true = q exp(d), follow from the chain's error
     states; flexion counts as known where it turns the skin."""
     q_SB, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
     R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

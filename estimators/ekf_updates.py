@@ -190,9 +190,10 @@ def joints_row(
         for a in range(3):
             allowed[a] = min(max(angles[a], limits[j, a, 0]), limits[j, a, 1])
         angle_jacobian_row(allowed, allowed, J)
+        unsure = max(P[3 * j, 3 * j], P[3 * j + 1, 3 * j + 1], P[3 * j + 2, 3 * j + 2])
         for a in range(3):
             row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
-            variance = p[DIMENSION_NOISE] ** 2
+            variance = p[DIMENSION_NOISE] ** 2 + 0.5 * unsure * unsure
             if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
                 missed[row] = outside
                 for k in range(SIZE):

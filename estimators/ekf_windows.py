@@ -1,7 +1,7 @@
 """What a chain's sensors turn by between two updates of its filter, and how rotations and covariance go on over that.
 
 In      turns of the four sensors at every sample, the biases that are in them, what they may have missed
-Out     turns summed up with their change by the biases; joint rotations q_pc and the covariance of the 42 error states at the end
+Out     turns summed up with their change by the biases; joint rotations q_pc and the covariance of the chain's error states at the end
 Source  Kortier, thesis ch. 2: (2.3)-(2.5), (2.16), (2.20)-(2.22), two-sided; sums with their change by the biases: Forster et al. 2017
         (IEEE Trans Robot 33:1); exact for piecewise constant rates
 """
@@ -13,11 +13,13 @@ import numpy as np
 from estimators import ekf_seats
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
+from estimators.ekf_seats import APART
 from estimators.ekf_updates import CREEPING
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
 
-GYR_NOISE, GYR_SCALE, BIAS_WALK = range(CREEPING + 1, CREEPING + 4)  # places of the options in what a kernel takes of them
+# places of the options in what a kernel takes of them
+(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(CREEPING + 1, CREEPING + 7)
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
@@ -50,6 +52,16 @@ def wound(
             timed[s] += time[k, s]
             doubted[s] += missed[k, s]
         put(own, J[s])
+
+
+@rowwise("(p),(s,q)->()")
+def alike(p: Array, T: Array, left: Array) -> None:
+    """How much of what the fields at hand and tip differ by is left after their sensors have turned by T (4, 4): another after a radian or so."""
+    w = min(abs(T[0, 0]), abs(T[3, 0]), 1.0)
+    left[0] = math.exp(-2 * math.acos(w)) if p[MAG_ERROR] > 0 else 1.0
+
+
+alike_row = alike.row  # as other kernels call it
 
 
 @inlined
@@ -91,6 +103,13 @@ def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Ar
             P_new[i, k] = of_angles[i, k] + of_noise[i, k]
     for k in range(9, 21):
         P_new[k, k] += p[BIAS_WALK] ** 2 * span
+    if p[MAG_ERROR] > 0:
+        left = np.empty(1)
+        alike_row(p, T, left)
+        for k in range(P.shape[0]):
+            P_new[APART, k] *= left[0]
+            P_new[k, APART] *= left[0]
+        P_new[APART, APART] += 2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
 
 
 @rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")

@@ -16,11 +16,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_seats, ekf_updates, ekf_windows
+from estimators import ekf_magnetometers, ekf_seats, ekf_updates, ekf_windows
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
-from estimators.ekf_seats import SIZE, SeatParams, Seats
-from estimators.ekf_updates import IS_FREE, LIMITS, REST, REST_RATE, UpdateParams
+from estimators.ekf_magnetometers import MagnetometerParams
+from estimators.ekf_seats import APART, SIZE, SeatParams, Seats
+from estimators.ekf_updates import IS_FREE, LIMITS, RATE_GATE, REST, REST_RATE, UpdateParams
+from estimators.ekf_windows import MAG_ERROR
 from estimators.kalman import correct
 from estimators.options import option
 from estimators.quaternions import Array
@@ -31,7 +33,7 @@ MUCH = math.radians(0.5) ** 2  # rad^2 that a sensor may have missed since the u
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilterParams(UpdateParams, SeatParams):
+class FilterParams(UpdateParams, SeatParams, MagnetometerParams):
     update: float = option(
         0.2, "s", "time between two updates; the gyroscopes count at every sample", "ours: what they correct is slower", least=0.01
     )
@@ -66,6 +68,7 @@ class Samples:
     doubt: Array  # (n, F, 4) rad^2, variance of what `turn` may have missed
     known: Bools  # (n, F, 3) both segments of the joint are measured
     q_first: Array  # (n, F, 3, 4) q_pc to start a joint from that was not known before
+    mag: Array | None = None  # (n, F, 2, 3) uT, fields at the chain's first and last sensor, NaN where not known; None: not asked for
 
     def __len__(self) -> int:
         return len(self.t)
@@ -79,7 +82,10 @@ class State:
     bias: Array  # (F, 4, 3) rad/s
     seat: Array  # (F, 4, 4) takes vectors from the segment to its sensor's frame while the joint is straight
     skin: Array  # (F, 3, 3) rad per rad of the joint's flexion that the child's sensor turns by on its segment
-    P: Array  # (F, 42, 42) covariance of the errors [dth_1..3, db_1..4, dm_1..4, dk_1..3] of the four above, q_true = q exp(dth), m and k alike
+    apart: (
+        Array  # (F, 2) uT by which the field at the chain's end differs from that at its beginning, across it; how often that was unlikely
+    )
+    P: Array  # (F, 43, 43) covariance of the errors [dth_1..3, db_1..4, dm_1..4, dk_1..3, da] of the five above, q_true = q exp(dth), m alike
     known: Bools  # (F, 3) the joint has a rotation
     free: Bools  # (F, 3, 3) the joint has flexion, deviation, pronation
     limits: Array  # (F, 3, 3, 2) rad
@@ -102,16 +108,31 @@ class Estimate:
     P: Array  # (u, F, 9, 9) rad^2, of the three joints' errors
 
 
-def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = LIMITS) -> State:
-    """Nothing known but the size of the biases, bias_sd (F, 4) rad/s, and how sensors may sit; the first sample with a joint's two segments starts it."""
+def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = LIMITS, apart_sd: float = 0.0) -> State:
+    """Nothing known but the size of the biases, bias_sd (F, 4) rad/s, how sensors may sit and by what (uT) fields may differ; the first sample with a
+    joint's two segments starts it."""
     chains = len(free)
     P = np.zeros((chains, SIZE, SIZE))
     P[:, range(9, 21), range(9, 21)] = np.repeat(bias_sd**2, 3, axis=1)
+    P[:, APART, APART] = apart_sd**2
     q_pc, still = np.tile(quat.IDENTITY, (chains, 3, 1)), _still(chains)
     known, nothing = np.zeros((chains, 3), bool), np.zeros((chains, 4, 3))
     ended = (-np.inf, -np.inf, still, *_nothing(chains))
     return State(
-        q_pc, nothing, still, np.zeros((chains, 3, 3)), P, known, free, limits, seats, *ended, np.zeros((chains, 4)), nothing, nothing
+        q_pc,
+        nothing,
+        still,
+        np.zeros((chains, 3, 3)),
+        np.zeros((chains, 2)),
+        P,
+        known,
+        free,
+        limits,
+        seats,
+        *ended,
+        np.zeros((chains, 4)),
+        nothing,
+        nothing,
     )
 
 
@@ -130,7 +151,8 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
         state, after[first:last] = _turned(state, samples, first, last)
         base[first:last] = len(states) - 1
         if closes:
-            state, of_joints = _told(numbers, state, samples.acc[last - 1])
+            mag = np.full((chains, 2, 3), np.nan) if samples.mag is None else samples.mag[last - 1]
+            state, of_joints = _told(numbers, state, samples.acc[last - 1], mag)
             states.append(state)
             told.append(last - 1)
             P.append(of_joints)
@@ -167,17 +189,19 @@ def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[Stat
     return replace(state, newest=float(samples.t[last - 1]), turned=after[:, -1], **window), after.swapaxes(0, 1)
 
 
-def _told(numbers: Array, state: State, acc: Array) -> tuple[State, Array]:
+def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, Array]:
     """The window's end becomes the state, a new window opens; what sensors and joints tell at that end (2.15); the covariance (F, 9, 9) of the true
     joints' errors as the joints were seen before."""
-    window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc
-    known_before = state.q_pc, state.bias, state.seat, state.skin, state.P, state.up, state.rest, state.crept
+    window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc, mag
+    known_before = state.q_pc, state.bias, state.seat, state.skin, state.apart, state.P, state.up, state.rest, state.crept
     *found, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
-    return replace(_window_open(state), **dict(zip(("q_pc", "bias", "seat", "skin", "P", "up", "rest", "crept"), found))), of_joints
+    return replace(
+        _window_open(state), **dict(zip(("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept"), found))
+    ), of_joints
 
 
 @inlined
-def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, change: Array) -> None:
+def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array) -> None:
     """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
     d, by, turned = np.empty(3), np.empty(4), np.empty(4)
     for i in range(7):
@@ -191,12 +215,13 @@ def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, change: Array)
         bias[i // 3, i % 3] += change[9 + i]
     for i in range(9):
         skin[i // 3, i % 3] += change[33 + i]
+    apart[0] += change[APART]
 
 
 @inlined
 def _rested(
     p: Array, turned: Array, bias_time: Array, span: float, rates: Array,
-    q: Array, bias: Array, seat: Array, skin: Array, P: Array, rest: Array, crept: Array,
+    q: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, rest: Array, crept: Array,
 ) -> None:  # fmt: skip
     """Sensors that hardly turn show their bias: its mean over every REST seconds is a measurement, their creeping its noise."""
     due, some, crept_now = np.zeros(4), False, np.empty(3)
@@ -212,7 +237,7 @@ def _rested(
         missed, H, noise, change = np.zeros(12), np.zeros((12, SIZE)), np.zeros((12, 12)), np.empty(SIZE)
         ekf_updates.resting_row(p, crept, rest, due, missed, H, noise)
         correct(P, missed, H, noise, change)
-        put_right(q, bias, seat, skin, change)
+        put_right(q, bias, seat, skin, apart, change)
         for s in range(4):
             if due[s] > 0:
                 rest[s] = 0.0
@@ -220,19 +245,41 @@ def _rested(
                     crept[s, a] = 0.0
 
 
+@inlined
+def _headed(
+    p: Array, mag: Array, up: Array, rates: Array, known: Array, told: Array,
+    q: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array,
+) -> None:  # fmt: skip
+    """Magnetometers of hand and tip, where they are asked for, both sensors have all their samples and neither turns fast."""
+    seen = (
+        known[0] > 0
+        and known[1] > 0
+        and known[2] > 0
+        and math.isfinite(mag[0, 0] + mag[0, 1] + mag[0, 2] + mag[1, 0] + mag[1, 1] + mag[1, 2])
+    )
+    if p[MAG_ERROR] > 0 and seen and told[0] > 0 and told[3] > 0 and max(rates[0], rates[3]) < p[RATE_GATE]:
+        missed, H, noise, change = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1)), np.empty(SIZE)
+        if ekf_magnetometers.heading_row(p, q, mag.copy(), up, apart, P, missed, H, noise):
+            correct(P, missed, H, noise, change)
+            put_right(q, bias, seat, skin, apart, change)
+
+
 @rowwise(
-    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d)"
-    "->(j,q),(s,v),(s,q),(j,v),(e,e),(s,v),(s),(s,v),(d,d)"
+    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(d)"
+    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(d,d)"
 )
 def _updated(
-    p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, known: Array, free: Array, limits: Array,
-    q_pc: Array, bias: Array, seat: Array, skin: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
-    q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, P_new: Array, up_new: Array, rest_new: Array, crept_new: Array,
-    of_joints: Array,
+    p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, mag: Array,
+    known: Array, free: Array, limits: Array,
+    q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
+    q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, apart_new: Array, P_new: Array, up_new: Array, rest_new: Array,
+    crept_new: Array, of_joints: Array,
 ) -> None:  # fmt: skip
     """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
-    q, C, T = np.empty((3, 4)), np.empty(P.shape), turned.copy()
-    b, m, k, resting, creeping = bias.copy(), seat.copy(), skin.copy(), rest.copy(), crept.copy()
+    q, C, T, left = np.empty((3, 4)), np.empty(P.shape), turned.copy(), np.empty(1)
+    b, m, k, o, resting, creeping = bias.copy(), seat.copy(), skin.copy(), apart.copy(), rest.copy(), crept.copy()
+    ekf_windows.alike_row(p, T, left)
+    o[0] *= left[0]
     ekf_windows.window_row(p, span, T, by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
     vertical, q_joint, A = up.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
     ekf_seats.seated_row(q, m, k, q_joint, A)
@@ -250,13 +297,15 @@ def _updated(
         ekf_updates.vectors_row(p, q, seen, vertical, rates, usable, span, missed, H, noise)
         ekf_updates.joints_row(p, q_joint, A, C, free, limits, known, span, missed, H, noise)
         correct(C, missed, H, noise, change)
-        put_right(q, b, m, k, change)
-        _rested(p, T, bias_time, span, rates, q, b, m, k, C, resting, creeping)
+        put_right(q, b, m, k, o, change)
+        _headed(p, mag, vertical, rates, known, told, q, b, m, k, o, C)
+        _rested(p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping)
     spread(A, C, of_joints)
     put(q, q_pc_new)
     put(b, bias_new)
     put(m, seat_new)
     put(k, skin_new)
+    apart_new[0], apart_new[1] = o[0], o[1]
     put(C, P_new)
     put(vertical, up_new)
     put(creeping, crept_new)
@@ -301,7 +350,8 @@ def _own(fresh: Bools, first: bool) -> NDArray[np.intp]:
 def _settled(numbers: Array, state: State) -> State:
     """The open window's end becomes the state; the covariance goes along."""
     q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
-    return replace(_window_open(state), q_pc=q_pc, P=P)
+    apart = np.stack([state.apart[:, 0] * ekf_windows.alike(numbers, state.turned), state.apart[:, 1]], axis=1)
+    return replace(_window_open(state), q_pc=q_pc, apart=apart, P=P)
 
 
 def _window_open(state: State) -> State:
@@ -324,4 +374,4 @@ def _nothing(chains: int) -> tuple[Array, Array, Array]:
 def _numbers(params: FilterParams) -> Array:
     """Options as the kernels take them."""
     of_gyr = np.radians(params.gyr_noise), params.gyr_scale, np.radians(params.bias_walk)
-    return np.concatenate([ekf_updates.numbers(params), of_gyr])
+    return np.concatenate([ekf_updates.numbers(params), of_gyr, ekf_magnetometers.numbers(params)])

@@ -14,6 +14,7 @@ from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Stream, join
 
 MOST_AGE = 0.25  # s that a magnetometer sample counts
+MOST_KEPT = 600.0  # s of magnetometer samples that are kept for a stream that has not got that far
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,16 @@ class State:
     serving: Mapping[str, tuple[str, int]]  # sensor -> magnetic stream and its column there
     waiting: Mapping[str, Block] = field(default_factory=dict)
     magnetic: Mapping[str, Block] = field(default_factory=dict)
+    given: Mapping[str, float] = field(
+        default_factory=dict
+    )  # s, newest inertial sample given of each stream: others may still come from there on
 
 
 def start(streams: tuple[Stream, ...]) -> State:
     """Which magnetic stream serves which sensor; a stream that has all three quantities serves itself."""
     apart = [s for s in streams if MAG in s.quantities and not s.inertial]
-    return State({sensor: (s.name, k) for s in apart for k, sensor in enumerate(s.sensors)})
+    serving = {sensor: (s.name, k) for s in apart for k, sensor in enumerate(s.sensors)}
+    return State(serving, given={s.name: -np.inf for s in streams if s.inertial})
 
 
 def joined_stream(stream: Stream) -> Stream:
@@ -58,7 +63,7 @@ def release(state: State, patience: float) -> tuple[State, list[Block]]:
 
 
 def _give(state: State, names: set[str], anyway: float = -np.inf) -> tuple[State, list[Block]]:
-    waiting, given = dict(state.waiting), []
+    waiting, newest, given = dict(state.waiting), dict(state.given), []
     for name in sorted(names):
         block = waiting.pop(name)
         count = int(np.searchsorted(block.t, max(_reached(state, block.stream), anyway), side="right"))
@@ -66,9 +71,10 @@ def _give(state: State, names: set[str], anyway: float = -np.inf) -> tuple[State
             waiting[name] = Block(block.stream, block.t[count:], block.values[count:])
         if count:
             given.append(_with_magnetometer(state, Block(block.stream, block.t[:count], block.values[:count])))
-    oldest = min((b.t[0] for b in waiting.values()), default=np.inf)
-    reached = min((float(g.t[-1]) for g in given), default=np.inf)
-    return replace(state, waiting=waiting, magnetic={n: _pruned(b, min(oldest, reached)) for n, b in state.magnetic.items()}), given
+            newest[name] = float(block.t[count - 1])
+    needed = min(newest.values(), default=-np.inf)
+    magnetic = {n: _pruned(b, max(needed, float(b.t[-1]) - MOST_KEPT)) for n, b in state.magnetic.items()}
+    return replace(state, waiting=waiting, magnetic=magnetic, given=newest), given
 
 
 def _reached(state: State, stream: Stream) -> float:

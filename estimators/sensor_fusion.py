@@ -327,22 +327,11 @@ def _go_on(params: FusionParams, sensors: Sequence[SensorState], vqf: VQF, block
 
 def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
     """A sensor behind samples (n, 6 or more) at t (n,), its newest orientation q_GS (4,)."""
-    one = len(t) == 1
-    return SensorState(  # `replace` would cost as much as the filter's step
-        sensor.start,
-        sensor.bias,
-        sensor.known_until,
-        sensor.north,
-        vqf.state,
-        last=samples[-1, :6].copy(),
-        last_t=float(t[-1]),
-        previous=(None if sensor.absent else sensor.last) if one else samples[-2, :6].copy(),
-        previous_t=sensor.last_t if one else float(t[-2]),
-        q_GS=q_GS.copy(),
-        doubt=sensor.doubt,
-        lost=sensor.lost,
-        northed=sensor.northed,
-        absent=False,
+    before = samples[-2, :6].copy() if len(t) > 1 else None if sensor.absent else sensor.last
+    before_t, last, last_t = float(t[-2]) if len(t) > 1 else sensor.last_t, samples[-1, :6].copy(), float(t[-1])
+    known = sensor.start, sensor.bias, sensor.known_until, sensor.north  # `replace` would cost as much as the filter's step
+    return SensorState(
+        *known, vqf.state, last, last_t, before, before_t, q_GS.copy(), sensor.doubt, sensor.lost, sensor.northed, absent=False
     )
 
 
@@ -352,9 +341,7 @@ def _filter(
     """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
     if not _goes_on(sensor):
         vqf.resetState()
-        vqf.state = _filter_start(vqf.state, sensor, samples[0])
-    else:
-        vqf.state = sensor.filter_state
+    vqf.state = sensor.filter_state if _goes_on(sensor) else _filter_start(vqf.state, sensor, samples[0])
     rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):

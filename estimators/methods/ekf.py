@@ -8,7 +8,7 @@ Limits  the hand's own orientation is that of its fusion; a sensor whose samples
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from estimators import (
     forward_kinematics,
     functional_steps,
     joint_angles,
+    magnetometers,
     sensor_fusion,
     time_base,
 )
@@ -33,8 +34,8 @@ from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS
 from estimators.hand_anatomy import FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.trajectory import Flag, Trajectory, empty
+from estimators.samples import ACC, GYR, Block, Stream
+from estimators.trajectory import Flag, Trajectory, empty, join
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
@@ -81,6 +82,7 @@ class State:
     raw: ekf_alignment.State  # samples that wait for their rows
     chains: finger_ekf.State
     sure: Sure
+    magnetic: magnetometers.State | None = None  # None: magnetometers are not asked for
 
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
@@ -89,10 +91,11 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     for name, q_BS in calibration.q_BS.items():
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
-    sensors = {s.name: _fused(calibration, s) for s in inertial}
-    chains = finger_ekf.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration))
+    sensors = {s.name: _fused(calibration, _inertial(s) if params.magnetometers else s) for s in inertial}
+    magnetic, apart_sd = (magnetometers.start(streams), math.sqrt(2) * params.mag_error) if params.magnetometers else (None, 0.0)
+    chains = finger_ekf.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd)
     sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
-    return State(calibration, q_SB, sensors, time_base.start(inertial), ekf_alignment.start(calibration), chains, sure)
+    return State(calibration, q_SB, sensors, time_base.start(inertial), ekf_alignment.start(calibration), chains, sure, magnetic)
 
 
 def _bias_sd(params: Params, calibration: Calibration) -> Array:
@@ -124,28 +127,57 @@ def _fused(calibration: Calibration, stream: Stream) -> sensor_fusion.StreamStat
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
-    if not block.stream.inertial:
-        return state, empty(state.calibration.hand)
-    fusion = state.sensors.get(block.stream.name)
-    if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
-        fusion = _fused(state.calibration, block.stream)
-    fusion, oriented = sensor_fusion.step(params, fusion, block)
-    rows, given = time_base.step(state.rows, block.stream, oriented)
-    raw = ekf_alignment.taken(state.raw, block, state.calibration, state.q_SB)
-    sensors = {**state.sensors, block.stream.name: fusion}
-    return _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
+    if state.magnetic is None:
+        return _fuse(params, state, [block] if block.stream.inertial else [])
+    magnetic, blocks = magnetometers.step(state.magnetic, block)
+    return _fuse(params, replace(state, magnetic=magnetic), blocks)
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
-    """For a live view: give out what is older than `patience` s without waiting for a strip that is silent."""
+    """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
+    state, pieces = _without_waiting(params, state, patience)
     rows, given = time_base.release(state.rows, patience)
-    return _hand(params, replace(state, rows=rows), given)
+    state, piece = _hand(params, replace(state, rows=rows), given)
+    return state, join([*pieces, piece], state.calibration.hand)
 
 
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
+    state, pieces = _without_waiting(params, state, -np.inf)
     sensors, rows, given = time_base.drained(params, state.sensors, state.rows)
-    return _hand(params, replace(state, sensors=sensors, rows=rows), given)
+    state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
+    return state, join([*pieces, piece], state.calibration.hand)
+
+
+def _without_waiting(params: Params, state: State, patience: float) -> tuple[State, list[Trajectory]]:
+    """Inertial samples that wait for magnetometers go on without them."""
+    if state.magnetic is None:
+        return state, []
+    magnetic, blocks = magnetometers.release(state.magnetic, patience)
+    state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
+    return state, [piece]
+
+
+def _fuse(params: Params, state: State, blocks: Sequence[Block]) -> tuple[State, Trajectory]:
+    """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
+    pieces = []
+    for block in blocks:
+        inertial = block if state.magnetic is None else Block(_inertial(block.stream), block.t, block.values[..., :6])
+        fusion = state.sensors.get(block.stream.name)
+        if fusion is None or fusion.stream != inertial.stream:  # plugged in later, or with another rate or other sensors than before
+            fusion = _fused(state.calibration, inertial.stream)
+        fusion, oriented = sensor_fusion.step(params, fusion, inertial)
+        rows, given = time_base.step(state.rows, inertial.stream, oriented)
+        raw = ekf_alignment.taken(state.raw, block, state.calibration, state.q_SB)
+        sensors = {**state.sensors, block.stream.name: fusion}
+        state, piece = _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
+        pieces.append(piece)
+    return state, pieces[0] if len(pieces) == 1 else join(pieces, state.calibration.hand)
+
+
+def _inertial(stream: Stream) -> Stream:
+    """The stream without its magnetometers: fusions here go without."""
+    return replace(stream, quantities=(GYR, ACC))
 
 
 def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:
