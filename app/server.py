@@ -12,7 +12,7 @@ from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from app import language, metrics, protocols
-from app.api import accounts, errors, languages, login, methods, pages, patients, progress, results, sessions, stations
+from app.api import accounts, errors, languages, login, methods, pages, patients, progress, results, sessions, sign_on, stations
 from app.api.access import Gate
 from app.api.roles import EVERY_ACCOUNT, May
 from app.api.state import Parts
@@ -66,6 +66,7 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")
     app.include_router(login.pages)
+    app.include_router(sign_on.router)
     app.include_router(languages.router)
     app.include_router(pages.router)
     app.mount("/static", Files(directory=pages.STATIC), name="static")

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from app.single_sign_on import SignOn
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -14,6 +16,7 @@ class Settings:
     demo_ports: tuple[str, ...] = field(default=())  # ports of virtual gloves that this program put up
     proxies: tuple[str, ...] = ()  # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
     metrics: tuple[str, int] | None = None  # where figures for a monitoring system are served
+    sign_on: SignOn | None = None  # an organisation's login
     idle_logout: float = 4 * 3600.0  # s without a request or an open live view after which a login ends
     longest_login: float = 24 * 3600.0  # s after which every login ends
     largest_upload: int = 512 * 2**20  # bytes

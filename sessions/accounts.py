@@ -7,6 +7,7 @@ An account may have several. LOCAL is the account of whoever may write in the da
 Passwords are kept as argon2id hashes with the library's parameters (RFC 9106, 4: 64 MiB, t = 3, p = 4), made anew when those change.
 """
 
+import hashlib
 import re
 import threading
 from collections.abc import Sequence
@@ -70,6 +71,22 @@ def get(db: Session, account_id: int) -> Account:
     found = db.get(Account, account_id)
     if found is None:
         raise InputError(f"there is no account {account_id}")
+    return found
+
+
+def of_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Account:
+    """The account of somebody whom the organisation vouches for, made at the first login; the roles are those of today."""
+    found = db.scalar(select(Account).where(Account.subject == subject))
+    if found is None:
+        name = re.sub(r"[^\w.@+-]", "_", name.strip().casefold())[:50] or "account"
+        if name == LOCAL or db.scalar(select(Account.id).where(Account.name == name)):
+            name += f"+{hashlib.sha256(subject.encode()).hexdigest()[:8]}"
+        found = Account(name=_name(name), roles=_roles(roles), subject=subject)
+        db.add(found)
+    if found.disabled:
+        raise InputError(f"the account {found.name} is out of use")
+    found.roles = _roles(roles)
+    db.commit()
     return found
 
 

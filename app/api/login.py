@@ -40,9 +40,9 @@ def login_page(parts: PartsDep, db: Db, request: Request, token: Annotated[str, 
 
 
 @router.get("/login")
-def ways_in(db: Db) -> dict[str, Any]:
-    """What the login page asks for: passwords where an account has one."""
-    return {"passwords": accounts.with_passwords(db)}
+def ways_in(db: Db, parts: PartsDep) -> dict[str, Any]:
+    """What the login page offers: passwords where an account has one, the organisation's login where one is named."""
+    return {"passwords": accounts.with_passwords(db), "single": parts.settings.sign_on is not None}
 
 
 @router.post("/login", status_code=204)

@@ -12,9 +12,12 @@ from pathlib import Path
 import uvicorn
 
 from app.commands.words import say
+from app.options import parse
 from app.server import create_app
 from app.settings import Settings
+from app.single_sign_on import SignOn
 from estimators.errors import InputError
+from sessions.accounts import ROLES
 from sessions.logins import new_token
 
 DEFAULT_PORT = 8420
@@ -40,6 +43,28 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         "--proxy", action="append", default=[], metavar="IP", help="a reverse proxy whose X-Forwarded-For and -Proto are believed"
     )
     parser.add_argument(
+        "--oidc-issuer", default=os.environ.get("HANDSCOPE_OIDC_ISSUER"), metavar="URL", help="single sign-on: OpenID Connect provider"
+    )
+    parser.add_argument(
+        "--oidc-client",
+        default=os.environ.get("HANDSCOPE_OIDC_CLIENT", "handscope"),
+        metavar="ID",
+        help="our name there (%(default)s); the secret is in HANDSCOPE_OIDC_SECRET",
+    )
+    parser.add_argument(
+        "--oidc-claim",
+        default=os.environ.get("HANDSCOPE_OIDC_CLAIM", "roles"),
+        metavar="NAME",
+        help="claim that holds the roles (%(default)s)",
+    )
+    parser.add_argument(
+        "--oidc-role",
+        action="append",
+        default=[],
+        metavar="WORD=ROLE",
+        help="a word of that claim and the role that it means; without any, the roles' own names",
+    )
+    parser.add_argument(
         "--idle-logout", type=_hours, default=IDLE, metavar="HOURS", help="a login ends without a request for so long (%(default)s)"
     )
     parser.add_argument(
@@ -55,6 +80,17 @@ def run(arguments: argparse.Namespace) -> int:
 def default_data(folder: str = FOLDER) -> Path:
     """Where data is kept when nobody says: HANDSCOPE_DATA, or a folder in the user's home."""
     return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / folder)
+
+
+def _sign_on(arguments: argparse.Namespace) -> SignOn | None:
+    """None unless a provider is named."""
+    if not arguments.oidc_issuer:
+        return None
+    roles = parse(arguments.oidc_role) or {role: role for role in ROLES}
+    if unknown := set(roles.values()) - set(ROLES):
+        raise InputError(f"--oidc-role names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}")
+    secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
+    return SignOn(issuer=arguments.oidc_issuer, client=arguments.oidc_client, secret=secret, claim=arguments.oidc_claim, roles=roles)
 
 
 def _hours(word: str) -> float:
@@ -81,6 +117,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         demo_ports=demo_ports,
         metrics=arguments.metrics,
         proxies=tuple(arguments.proxy),
+        sign_on=_sign_on(arguments),
         idle_logout=3600.0 * arguments.idle_logout,
         longest_login=3600.0 * arguments.longest_login,
     )

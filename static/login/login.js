@@ -65,8 +65,12 @@ export function mount(root) {
     ),
   );
   if (location.search.includes("token=")) say(t("login.used"));
+  if (location.search.includes("refused=")) say(t("login.single_refused"));
   input.focus();
-  waysIn().then((ways) => ways.passwords && withPasswords());
+  waysIn().then((ways) => {
+    if (ways.passwords) withPasswords();
+    if (ways.single) passwords.prepend(make("p", {}, make("a", { href: "/login/sso" }, t("login.single"))));
+  });
 
   function withPasswords() {
     code.open = false;
