@@ -45,7 +45,10 @@ from estimators.small_matrices import block, put
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
 GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
-AUDIBLE = 1.0  # times what calibrations leave and a single reading's noise
+AUDIBLE, LOUD = (
+    1.0,
+    3.0,
+)  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 MEMORY = 0.5  # s over which surprises are averaged
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
@@ -85,8 +88,8 @@ def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
 @inlined
 def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
-    start = np.zeros(len(P))
-    if P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2:
+    start, lost = np.zeros(len(P)), P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
+    if lost:
         here, _, cost = magnetic(s, x, P, start, mag, 1.0)
         there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0)
         start = here
@@ -96,14 +99,15 @@ def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float)
             start, grown = np.zeros(len(P)), 1.0
     dx, C, cost = magnetic(s, x, P, start, mag, grown)
     out: Array = moved(x, dx)
-    if cost < GATE * 3 * len(mag) and told(s, out, C):
+    if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
+        out = without(s, x, P, mag)
+    else:
         put(C, P)
-        return out
-    return without(s, x, P, mag)
+    return out
 
 
 @inlined
-def told(s: Sizes, x: Array, P: Array) -> bool:
+def told(s: Sizes, x: Array, P: Array, audible: float) -> bool:
     """Whether readings tell a place: known better than a share of its distance, for the dipole bends over what is not known and standard deviations
     from its slope would say nothing; and the magnet heard over what calibrations leave, which does not get less by waiting."""
     nearest, many = math.inf, magnetometers(x)
@@ -114,7 +118,7 @@ def told(s: Sizes, x: Array, P: Array) -> bool:
         nearest = min(nearest, square)
     moment = math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2)
     heard = MU0_4PI * moment / nearest**1.5
-    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest and heard**2 > AUDIBLE**2 * (s.mag**2 + s.mag_left**2))
+    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest and heard**2 > audible**2 * (s.mag**2 + s.mag_left**2))
 
 
 @inlined
