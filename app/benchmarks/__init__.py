@@ -29,6 +29,7 @@ BENCHES = {
     "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "report": "the report of a whole assessment with the course of 20 sessions, in every language: time to write it",
+    "self_calibration": "map over 10, 20 and 40 s of one finger: time, how it grows with the recording, memory",
     "steps": "m2 and ekf, one step of one sample of 16 sensors: median and 99th percentile",
     "start": "start of the server to its first page",
 }

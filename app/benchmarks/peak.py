@@ -16,10 +16,10 @@ def of_processing(folder: str, stream: Stream, events: tuple[Event, ...]) -> flo
     block = Block(stream, np.load(f"{folder}/t.npy"), np.load(f"{folder}/values.npy"))
     recording = LoadedRecording("left", sized("left"), {}, {stream.name: block}, events)
     process(m2, m2.Params(), recording)
-    return _high_water()
+    return high_water()
 
 
-def _high_water() -> float:
+def high_water() -> float:
     """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
     status = Path("/proc/self/status").read_text()
     return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM"))) / 1024

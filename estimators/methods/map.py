@@ -36,6 +36,7 @@ NEEDS_POSE = False
 BEGUN = "map is an experiment: fingers are calibrated one after the other (docs/methods.md)"
 
 
+ROUNDED = 0.05  # s, as durations are said
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
 
 
@@ -120,7 +121,7 @@ def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> t
 
 
 def _require_length(params: Params, duration: float, where: str) -> None:
-    if duration < params.shortest:
+    if duration < params.shortest - ROUNDED:
         raise InputError(
             f"there are {max(duration, 0.0):.1f} s of movement{where}, self-calibration needs {params.shortest:g} s, better 40 s; move hand and fingers freely for longer"
         )
