@@ -43,13 +43,14 @@ def install(app: FastAPI) -> None:
     async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
-        return JSONResponse({"error": f"{where or 'request'}: {first['msg']}"}, 422)
+        said = f"{where or 'request'}: {first['msg']}; nothing was changed"
+        return JSONResponse({"error": preferred(request).heard(said)}, 422)
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> JSONResponse:
         if is_full(error.__cause__):  # while an upload was taken in
             return JSONResponse({"error": preferred(request).heard(FULL)}, NO_ROOM)
-        return JSONResponse({"error": str(error.detail)}, error.status_code, headers=error.headers)
+        return JSONResponse({"error": preferred(request).heard(str(error.detail))}, error.status_code, headers=error.headers)
 
     @app.exception_handler(OverflowError)
     async def out_of_range(request: Request, error: OverflowError) -> JSONResponse:

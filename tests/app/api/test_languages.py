@@ -71,3 +71,20 @@ def test_a_file_with_a_fault_is_named_and_takes_nothing_from_the_others(folder: 
 def test_the_files_that_are_delivered_have_no_fault() -> None:
     assert every.faults() == []
     assert [*every.languages()][:2] == ["en", "de"]
+
+
+def test_what_is_malformed_and_what_there_is_not_is_refused_in_the_persons_language(client: TestClient) -> None:
+    german = {"Accept-Language": "de"}
+    answers = [
+        client.get("/api/patients/one", headers=german),
+        client.post("/api/patients", json={}, headers=german),
+        client.get("/api/nothing", headers=german),
+        client.delete("/api/patients", headers=german),
+    ]
+    assert [a.status_code for a in answers] == [422, 422, 404, 405]
+    assert [a.json()["error"].split(";")[0] for a in answers] == [
+        "Die Eingabe wurde nicht verstanden (patient_id: keine ganze Zahl)",
+        "Die Eingabe wurde nicht verstanden (pseudonym: fehlt)",
+        "Unter dieser Adresse gibt es nichts",
+        "Das geht unter dieser Adresse nicht",
+    ]

@@ -1,0 +1,48 @@
+"""What is refused, warned of and found is said in every language, as far as a person with a browser can meet it."""
+
+import re
+from functools import cache
+
+import pytest
+
+from app.language import ENGLISH, NAME, Language, _gapped, languages
+from tests.app.language.sentences import Sentence, sentences
+
+OTHERS = [one for one in languages().values() if one is not ENGLISH]
+COMMAND_LINE = (
+    *("app/benchmarks", "app/cohort.py", "app/commands", "app/devices/strip_flash.py", "app/devices/virtual_glove", "app/metrics.py"),
+    *("app/qualisys.py", "app/reproduce", "sessions/backup.py", "sessions/c3d.py", "sessions/calibration_result.py"),
+    *("sessions/database.py", "sessions/database_dump.py", "sessions/motion_bids/kinematics.py", "estimators/magnetometer_sphere.py"),
+    *("estimators/marker_clusters.py", "estimators/measures/synchronisation.py", "estimators/measures/tip_errors.py"),
+    *("estimators/simulation", "estimators/six_positions.py"),
+)
+PROGRAMMERS = (
+    *("app/working_process.py", "sessions/frames.py", "estimators/force/sensor.py", "estimators/magnet_", "estimators/measures/signals.py"),
+    *("estimators/measures/independence.py", "estimators/measures/repeatability.py", "estimators/measures/smoothness.py"),
+    *("estimators/measures/tapping.py", "estimators/measures/tremor.py"),
+)
+MET = sentences(("app", "sessions", "estimators"), (*COMMAND_LINE, *PROGRAMMERS))
+NOT_SO = {  # pieces that are never told by themselves
+    "{what} was changed in another window meanwhile; compare with what is stored now and choose",  # said of four things, each by itself
+    "{where} is missing{_and_more(more)}",  # said with and without the others' number
+    "functional calibration; what the others tell serves instead",  # only with the steps between
+}
+
+
+def told(one: Language, said: Sentence) -> bool:
+    """Whether the language has the sentence whole: neither a part of it that happens to be known nor a frame such as "{sensor}: {sentence}" counts."""
+    example = said.example()
+    fits = (s for s, gapped in worded(one) if gapped.fullmatch(example))
+    return (example in one.sentences or next(fits, None) is not None) and one.heard(example) != example
+
+
+@cache
+def worded(one: Language) -> list[tuple[str, re.Pattern[str]]]:
+    """The sentences with gaps that have words of their own between them."""
+    return [(s, re.compile(_gapped(s))) for s in one.sentences if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))]
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=lambda one: one.code)
+def test_whatever_a_page_may_be_told_is_in_every_language(other: Language) -> None:
+    assert len(MET) > 200, "the source is read"
+    assert [f"{s.where}: {s.text}" for s in MET if s.text not in NOT_SO and not told(other, s)] == []
