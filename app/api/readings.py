@@ -1,6 +1,6 @@
 """What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -14,6 +14,7 @@ from app.report.content import Task, asked
 from app.report.gradings import DEFAULT, graded_tasks
 from app.report.norms import norm_of
 from app.report.other_measures import other_measures
+from app.report.range_comparison import flexion_with_sd
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
 from app.report.units import DEG, TAPPING_DECIMALS, reading
 from app.report.words import figure_words
@@ -39,7 +40,7 @@ def readings(
     """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
-        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], protocols, language, changes),
+        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], figures, protocols, language, changes),
         "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
         "calibration": calibration_reading(content.get("calibration"), language),
         "changes": _changes(changes, protocols, language) if changes else None,
@@ -85,10 +86,15 @@ def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Lang
 
 
 def _ranges(
-    told: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language, changes: Changes | None
+    told: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    changes: Changes | None,
 ) -> list[dict[str, Any]]:
     """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
-    tasks = [_task(t, protocols.get(t["task"]), language) for t in told]
+    kept = _by_task(figures)
+    tasks = [_task(t, kept.get(_key(t), ()), protocols.get(t["task"]), language) for t in told]
     full = [t for t in tasks if asks_full_range(t.result.task)]
     groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
     return [
@@ -102,10 +108,10 @@ def _ranges(
     ]
 
 
-def _task(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> Task:
+def _task(told: Mapping[str, Any], figures: Sequence[Figure], protocol: Protocol | None, language: Language) -> Task:
     ranges = [Range(**r) for r in told["ranges"]]
     return Task(
-        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, ()),
+        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, tuple(figures)),
         _title(told, protocol, language),
         "",
         asked(protocol),
@@ -117,7 +123,7 @@ def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | 
         {
             "group": r.group,
             "joint": r.joint,
-            "flexion": r.flexion,
+            "flexion": flexion_with_sd(tasks, r, language),
             "extension": r.extension,
             "sideways": r.sideways,
             "grade": r.grade,
@@ -137,12 +143,10 @@ def _others(
     other_hand: dict[str, float],
 ) -> list[dict[str, Any]]:
     """Measures that have no card of their own, as the report has them, with the norms of their figures."""
-    kept: dict[tuple[str, str, float], list[Figure]] = {}
-    for row in figures:
-        kept.setdefault((row["task"], row["measure"], row.get("onset", 0.0)), []).append(_kept(row))
+    kept = _by_task(figures)
     told = [
         Task(
-            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get((t["task"], t["measure"], t["onset"]), ()))),
+            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get(_key(t), ()))),
             _title(t, protocols.get(t["task"]), language),
             getattr(MEASURES.get(t["measure"]), "TITLE", t["measure"]),
             None,
@@ -152,6 +156,19 @@ def _others(
     sections = other_measures(graded_tasks(told, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
     return [{**s, "gradings": choices if s["grading"] else []} for s in sections if s["rows"]]
+
+
+def _by_task(figures: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, float], list[Figure]]:
+    """Kept figures by the trial that they are of."""
+    kept: dict[tuple[str, str, float], list[Figure]] = {}
+    for row in figures:
+        kept.setdefault(_key(row), []).append(_kept(row))
+    return kept
+
+
+def _key(of: Mapping[str, Any]) -> tuple[str, str, float]:
+    """What a trial and its figures have in common."""
+    return of["task"], of["measure"], of.get("onset", 0.0)
 
 
 def _kept(row: Mapping[str, Any]) -> Figure:
@@ -187,7 +204,8 @@ def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
     value = np.nan if row["value"] is None else row["value"]
     read = reading(Figure(row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]))
     known = read.value if np.isfinite(read.value) else None
-    return {"name": row["name"], "label": figure_words(row["name"], language), "value": known, "unit": read.unit}
+    sd = _read(row, row["sd"])[0] or None
+    return {"name": row["name"], "label": figure_words(row["name"], language), "value": known, "sd": sd, "unit": read.unit}
 
 
 def calibration_reading(told: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:

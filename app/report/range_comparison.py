@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from app.language import Language
 from app.report.content import Content, Task
-from app.report.range_rows import over_tasks
+from app.report.range_rows import RangeRow, over_tasks
 from app.report.references import Reference, references
 from app.report.units import DEG
 from estimators.measures.range_of_motion import Range
@@ -20,6 +21,12 @@ def sd_of(tasks: Sequence[Task], r: Range, end: End) -> float | None:
     name, value = f"{r.joint}_{r.angle}_{WORD[end]}", getattr(r, end)
     found = [f.sd for t in tasks for f in t.result.figures if f.name == name and f.value == value]
     return found[0] if found else None
+
+
+def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) -> str:
+    """The row's flexion as it is read, with its standard deviation where the method knows one: "81° ± 1.8°"."""
+    sd = sd_of(tasks, row.bend, "largest") if row.bend and row.flexion else None
+    return row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else "")
 
 
 def reference_of(r: Range, end: End) -> Reference | None:

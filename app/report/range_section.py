@@ -9,7 +9,7 @@ from app.language import Language
 from app.report import plots
 from app.report.change_words import range_changes, row_ends
 from app.report.content import Content, Curve, Task
-from app.report.range_comparison import other_hand, reference_of, sd_of
+from app.report.range_comparison import flexion_with_sd, other_hand, reference_of
 from app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
 from app.report.references import Reference, references, smallest_change
 from app.report.units import DEG
@@ -89,9 +89,9 @@ def _cells(
     if bend is None or bend.angle != "flexion":
         return found
     changed = row_ends(content.changes, tasks, row, language) if content.changes else {}
-    sd, other = sd_of(tasks, bend, "largest"), others.get((bend.joint, bend.angle))
+    other = others.get((bend.joint, bend.angle))
     deficit = full and round(bend.smallest * DEG) > 0 and bend.joint != "thumb_cmc"
-    found["flexion"]["value"] = [row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else ""), "strong"]
+    found["flexion"]["value"] = [flexion_with_sd(tasks, row, language), "strong"]
     found["extension"]["value"] = [row.extension, "strong" if deficit else ""]
     if other:
         found["flexion"]["other"] = [flexion_words(other.largest, language), "quiet"]

@@ -65,13 +65,14 @@ def _unit(figure: Figure, language: Language) -> str:
 
 def _cell(task: Task, name: str, language: Language) -> str:
     figure = next(f for f in task.result.figures if f.name == name)
-    read, decimals = reading(figure), TAPPING_DECIMALS.get(name, 2)
+    read, sd = reading(figure), abs(reading(replace(figure, value=figure.sd or 0.0)).value)
+    decimals = TAPPING_DECIMALS.get(name, 2)
+    decimals += 0 < sd < 0.5 * 10.0**-decimals  # a deviation is never told as nothing
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)
     if name not in CHANGES:
-        sd = "" if not figure.sd else f" ± {language.number(abs(reading(replace(figure, value=figure.sd)).value), decimals)}"
-        return language.number(read.value, decimals) + sd
+        return language.number(read.value, decimals) + (f" ± {language.number(max(sd, 10.0**-decimals), decimals)}" if sd else "")
     if number == language.number(0.0, decimals):
         return language.say("tapping.same")
     return language.say("tapping.smaller" if read.value < 0 else "tapping.larger", size=f"{number} {read.unit}")

@@ -110,11 +110,13 @@ function labelOf(figure) {
 
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
-  const digits = DECIMALS[shortOf(figure)] ?? 2;
+  const least = DECIMALS[shortOf(figure)] ?? 2;
+  const digits = figure.sd && figure.sd < 0.5 * 10 ** -least ? least + 1 : least;
   const size = decimal(Math.abs(figure.value), digits);
   if (CHANGES.includes(shortOf(figure))) {
     const none = Number(figure.value.toFixed(digits)) === 0;
     return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
   }
-  return `${size} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit === "deg" ? "°" : figure.unit}`.trim();
+  const sure = figure.sd ? ` ± ${decimal(Math.max(figure.sd, 10 ** -digits), digits)}` : "";
+  return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit === "deg" ? "°" : figure.unit}`.trim();
 }
