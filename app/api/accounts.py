@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.api.access import cookie_of
 from app.api.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
-from app.api.state import Db, PartsDep
+from app.api.state import Db, LanguageDep, PartsDep
 from estimators.errors import InputError
 from sessions import accounts, audit, logins
 from sessions.accounts import LOCAL
@@ -106,10 +106,10 @@ def read_audit(
 
 
 @router.get("/audit/verification")
-def verify_audit(db: Db) -> dict[str, Any]:
+def verify_audit(db: Db, language: LanguageDep) -> dict[str, Any]:
     """Whether the chain holds from the first line to the last."""
     found = audit.verified(db)
-    return {"lines": found.lines, "last": found.last, "broken": found.broken}
+    return {"lines": found.lines, "last": found.last, "broken": language.heard(found.broken)}
 
 
 def account_row(a: Account) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 /** The audit trail, for administrators: lines, the newest first, and whether the chain holds. */
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
-import { dayAndTime, t, whole } from "../words/words.js";
+import { dayAndTime, known, t, whole } from "../words/words.js";
 
 const PAGE = 100;
 const HEADS = ["when", "who", "what", "about", "patient", "where"];
@@ -60,9 +60,10 @@ export function mount(root, api, { title }) {
   return () => root.replaceChildren();
 }
 
-/** A line as it is kept: its words are those of `handscope audit list`. */
+/** A line as it is kept, in words; what has none is shown as `handscope audit list` prints it. */
 function one({ id, at, who, what, kind, ref, patient, address, counts }) {
-  const fields = (counts.fields ?? []).join(", ");
-  const cells = [who, what, [kind, ref, fields && `(${fields})`].filter(Boolean).join(" "), patient ?? "", address];
+  const fields = (counts.fields ?? []).map((name) => known(`audit.field.${name}`, name)).join(", ");
+  const about = [kind && known(`audit.kind.${kind}`, kind), ref, fields && `(${fields})`].filter(Boolean).join(" ");
+  const cells = [who, known(`audit.does.${what.replaceAll(" ", "_")}`, what), about, patient ?? "", address];
   return h("tr", { "data-id": id }, h("th", { scope: "row" }, dayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
 }

@@ -8,9 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-REFUSALS = {"InputError", "NotNowError", "UnconfirmedError", "ThrottledError", "HTTPException", "Finding", "Flaw"}
+REFUSALS = {"InputError", "NotNowError", "UnconfirmedError", "ThrottledError", "HTTPException", "Finding", "Verdict"}
+GRADES = {"good", "fair", "poor"}
 WARNS = {"warnings", "said", "problems", "refused"}  # lists that sentences are appended to
-MAKE = {"_warnings", "_mistakes", "_first_fault", "_contradiction", "_stranger", "_sentence"}  # functions that give sentences
+MAKE = {
+    "_warnings",
+    "_flag_warnings",
+    "rate_warnings",
+    "_mistakes",
+    "_first_fault",
+    "_contradiction",
+    "_stranger",
+    "_sentence",
+}  # functions that give sentences
 GAP = re.compile(r"\{[^{}]*\}")
 OWN_WORDS = re.compile(r"[a-z]{2}\W+[a-z]{2}")
 MOST = 32  # texts of one expression
@@ -51,7 +61,7 @@ def _said(node: ast.AST, function: str) -> Iterator[ast.expr]:
     """Expressions that a person is told."""
     match node:
         case ast.Call(func=ast.Name(id=called), args=args) if called in REFUSALS:
-            yield from (a for a in args if not isinstance(a, ast.Name) or called != "Finding")
+            yield from args
             yield from (k.value for k in node.keywords if k.arg == "detail")
         case ast.Call(func=ast.Attribute(attr="__init__", value=ast.Call(func=ast.Name(id="super"))), args=args):
             yield from args
@@ -59,6 +69,8 @@ def _said(node: ast.AST, function: str) -> Iterator[ast.expr]:
             yield from args
         case ast.Yield(value=ast.expr() as value) | ast.Return(value=ast.expr() as value) if function in MAKE:
             yield value
+        case ast.Call(args=[_, *_] as each) | ast.Tuple(elts=each):  # a grade and its reason
+            yield from (reason for grade, reason in itertools.pairwise(each) if isinstance(grade, ast.Constant) and grade.value in GRADES)
 
 
 def _assigned(statements: Sequence[ast.stmt], known: Texts) -> dict[str, Sequence[str]]:
@@ -73,7 +85,7 @@ def _assigned(statements: Sequence[ast.stmt], known: Texts) -> dict[str, Sequenc
                     if isinstance(one, ast.Name):
                         found.setdefault(one.id, []).append(value)
     named = dict(known)
-    for name, values in found.items():
+    for name, values in 2 * list(found.items()):  # one may stand for another that is assigned further down
         texts = [_texts(value, named) for value in values]
         if all(texts):
             named[name] = [text for some in texts for text in some]

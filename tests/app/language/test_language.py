@@ -7,6 +7,7 @@ from importlib.resources import files
 
 import pytest
 
+from app.api.watch import LISTS
 from app.language import ENGLISH, NAME, Language, language, languages, preferred
 from app.protocols import load_all, load_steps
 from app.report.words import figure_words
@@ -14,8 +15,10 @@ from estimators.errors import InputError
 from estimators.measures import MEASURES
 from estimators.methods import METHODS
 from estimators.trajectory import FLAG_WORDS
+from sessions.audit import BY_ITSELF, KINDS
 from sessions.conflicts import ConflictError
 from sessions.full_disk import FULL
+from sessions.tables import Account, Base, Correction, Note, Patient, PatientSession
 
 GERMAN = languages()["de"]
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
@@ -103,3 +106,15 @@ def test_every_figure_of_every_measure_has_a_name_in_words() -> None:
     named = [figure_words(k.what, ENGLISH) for m in MEASURES.values() for k in m.KINDS.values()]
     ends = ("max", "min", "range")  # of joints' angles, which are named by their joint
     assert [words for words, raw in zip(named, plain) if words == raw and not raw.endswith(ends) and " " in raw] == []
+
+
+def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None:
+    does = {"created", "changed", "erased", "viewed", "exported", "refused", "logged_in", "logged_out"}
+    kinds = {*KINDS.values(), *LISTS.values(), "code", "login", "request"}
+    once = {"id", "created", "written", "made", "kind", "onset", "end", "reason", "event", "recording_id"}  # written with the row
+    rows: tuple[type[Base], ...] = (Patient, Note, PatientSession, Correction, Account)
+    fields = {c.key for row in rows for c in row.__table__.columns if c.key not in once | BY_ITSELF.get(row, frozenset())}
+    wanted = {f"audit.does.{d}" for d in does} | {f"audit.kind.{k}" for k in kinds} | {f"audit.field.{f}" for f in fields}
+    for one in languages().values():
+        own = json.loads(files("app.language").joinpath(f"{one.code}.json").read_text("utf-8"))["pages"]
+        assert wanted - set(own) == set()
