@@ -48,6 +48,7 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
         "about": about,
         "norms": norms,
         "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
+        "limit": language.known(f"limit.{trials[0].result.measure}", ""),  # what the measure cannot tell
         "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
     }
 

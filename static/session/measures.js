@@ -24,6 +24,7 @@ function section(told, graded) {
     told.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
     h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
     told.reason && h("p", { class: "hint" }, told.reason),
+    told.limit && h("p", { class: "hint" }, told.limit),
     h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
   );
 }

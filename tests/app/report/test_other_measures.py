@@ -45,6 +45,15 @@ def test_tapping_and_ranges_have_sections_of_their_own() -> None:
     assert other_measures([own], language("en")) == []
 
 
+def test_a_reach_says_that_its_path_is_no_way_through_the_room() -> None:
+    path = Figure("reach_path", 1.2, "rad", "a source", 0.1, what="reach_path")
+    reach = Task(TaskResult("reach", "reach", 0.0, 10.0, None, (path,)), "Reach for a cup", "Reach", None)
+    said = {one: [s["limit"] for s in other_measures([reach, trial(20, 0.9)], language(one))] for one in ("en", "de")}
+    assert said["en"][0].startswith("The glove does not know where the hand is in the room")
+    assert said["de"][0].startswith("Der Handschuh weiß nicht, wo im Raum die Hand ist")
+    assert [limits[1] for limits in said.values()] == ["", ""]
+
+
 def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> None:
     norm, nothing = (norm_told(what, "", "tapping", language("en")) for what in ("tapping_rate", "nobody_measured_this"))
     assert nothing is None
