@@ -50,6 +50,7 @@ def create_app(settings: Settings) -> FastAPI:
             with _measured(app.state.parts):
                 yield
             await anyio.to_thread.run_sync(open_stations.__exit__, None, None, None)
+        store.close()
 
     proxies = [Middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.proxies))] if settings.proxies else []
     app = FastAPI(

@@ -32,6 +32,10 @@ class Store:
     def incoming(self) -> Path:
         return self.folder / "incoming"
 
+    def close(self) -> None:
+        """Give the database's connections back; the next use opens new ones."""
+        self.database.kw["bind"].dispose()
+
     def path_of(self, file: str) -> Path:
         """A kept file by its name in the database; nothing outside the folder."""
         path = (self.folder / file).resolve()

@@ -3,11 +3,13 @@
 import argparse
 import logging
 import os
+import signal
 import socket
 import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 
 import uvicorn
 
@@ -148,7 +150,10 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         server_header=False,
         proxy_headers=False,
     )
-    _Server(config, announce).run(sockets=[listener])
+    server = _Server(config, announce)
+    server.run(sockets=[listener])
+    if server.interrupted:
+        raise KeyboardInterrupt
 
 
 def _place(word: str) -> tuple[str, int]:
@@ -159,11 +164,16 @@ def _place(word: str) -> tuple[str, int]:
 
 
 class _Server(uvicorn.Server):  # type: ignore[misc]  # mypy does not follow uvicorn
-    """Says where it is once it answers, and once a signal ends it in good order."""
+    """Says where it is once it answers, and once a signal ends it in good order; keeps that it was interrupted, which the event loop may swallow."""
 
     def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)
         self._announce = announce
+        self.interrupted = False
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.interrupted = self.interrupted or sig == signal.SIGINT
+        super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

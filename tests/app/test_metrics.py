@@ -48,7 +48,7 @@ def test_figures_are_served_without_a_login_on_a_port_of_their_own(tmp_path: Pat
 def test_a_server_whose_database_is_gone_says_that_it_is_not_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     app = create_app(Settings(data=tmp_path))
     with TestClient(app, base_url="http://127.0.0.1:8420") as client:
-        store_of(app).database.kw["bind"].dispose()
+        store_of(app).close()
         (tmp_path / "handscope.sqlite").unlink()
         (tmp_path / "handscope.sqlite").mkdir()
         answer = client.get("/api/health")

@@ -169,7 +169,7 @@ def _backed_up() -> list[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         store = filled(open_store(Path(folder) / "data"))
         backup.write(store.folder, None, Path(folder) / "b.zip", "1")
-        store.database.kw["bind"].dispose()
+        store.close()
         return [(Path(folder) / "b.zip").read_bytes()]
 
 

@@ -89,7 +89,7 @@ def written(store: Store, url: str | None) -> None:
     assert (found.lines, found.broken) == (2 * WRITERS * EACH, "")
     with store.database() as db, pytest.raises(DatabaseError, match="only appended to"):
         db.execute(sa.update(AuditLine).values(who="nobody"))
-    store.database.kw["bind"].dispose()
+    store.close()
 
 
 FORGERIES: dict[str, tuple[Callable[[sa.Connection], Any], str]] = {

@@ -107,7 +107,7 @@ def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, ser
             backup.restore(tmp_path / "b.zip", tmp_path / "other", url)
         assert not (tmp_path / "other").exists()
         backup.write(tmp_path / "moved", url, tmp_path / "c.zip", "1")
-        moved.database.kw["bind"].dispose()
+        moved.close()
     backup.restore(tmp_path / "c.zip", tmp_path / "back")
     with store.database() as db, open_store(tmp_path / "back").database() as other:
         whole = audit.verified(db)
