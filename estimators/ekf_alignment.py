@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.compiled import inlined, rowwise
-from estimators.ekf_updates import GRAVITY
 from estimators.finger_ekf import Samples
 from estimators.forward_kinematics import CHAIN_SEGMENTS
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.missing_samples import complete_row
 from estimators.quaternions import Array

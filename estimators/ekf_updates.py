@@ -18,12 +18,12 @@ from estimators import hand_anatomy, joint_angles
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
 from estimators.ekf_seats import SIZE
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.small_matrices import variance_of
 
-GRAVITY = 9.80665  # m/s^2
 REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
 SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
 FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Event, Recording, Stream
 
-G = 9.80665
-USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: G * np.array([2.0, 4.0, 8.0, 16.0])}
-LEAST = {GYR: np.radians(240.0), ACC: 1.9 * G}
+USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: GRAVITY * np.array([2.0, 4.0, 8.0, 16.0])}
+LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
 NEAR = 0.02  # of a usual full scale: what a scale error leaves
 OFTEN = 3  # equal largest readings: in a row anywhere, apart only near a usual full scale
 

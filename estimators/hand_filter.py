@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
+from estimators.gravity import GRAVITY
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block
 from estimators.sensor_fusion import upright
-from estimators.zero_velocity import GRAVITY, likelihood_ratio
+from estimators.zero_velocity import likelihood_ratio
 
 P, V, TH, BG, BA = (slice(3 * k, 3 * k + 3) for k in range(5))
 UP = np.array([0.0, 0.0, GRAVITY])

@@ -16,6 +16,7 @@ from estimators import joint_angles
 from estimators import quaternions as quat
 from estimators.calibration import Calibration, SensorQuality
 from estimators.errors import InputError
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.missing_samples import complete
@@ -25,7 +26,6 @@ from estimators.samples import ACC, GYR, MAG, Block, Event, Stream
 from estimators.sensor_fusion import upright
 from estimators.time_base import measured_rates
 
-STANDARD_GRAVITY = 9.80665
 RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
 DEG = np.pi / 180
 THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
@@ -263,8 +263,8 @@ def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: 
     said = []
     for name, samples in still.items():
         g = float(np.linalg.norm(samples.mean[3:]))
-        if abs(g - STANDARD_GRAVITY) > 1.0:
-            said.append(f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {STANDARD_GRAVITY:.1f}; check its calibration")
+        if abs(g - GRAVITY) > 1.0:
+            said.append(f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration")
     return tuple(said)
 
 

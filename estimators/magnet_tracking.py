@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.errors import InputError
+from estimators.gravity import GRAVITY
 from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ, Sizes
 from estimators.magnet_localisation import located
 from estimators.magnet_loop import followed
@@ -23,7 +24,7 @@ from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellatio
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.sensor_fusion import upright
-from estimators.zero_velocity import GRAVITY, likelihood_ratios
+from estimators.zero_velocity import likelihood_ratios
 
 DEG = np.pi / 180
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"

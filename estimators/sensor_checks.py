@@ -12,11 +12,11 @@ import numpy as np
 
 from estimators import full_scales, standstill
 from estimators.finding import Finding
+from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, SATURATION, Block, beyond
 from estimators.standstill import WORDS, runs
 
-G = 9.80665
 GRAVITY_DOUBT, GRAVITY_FAULT = 0.5, 1.0  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
 BIAS_DOUBT, BIAS_FAULT = 10.0, 20.0  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)
 FIELD = (15e-6, 100e-6)  # T, the Earth's is 22 to 67 uT (IGRF), half as much again for a building
@@ -55,10 +55,10 @@ def _at_rest(block: Block) -> list[Finding]:
 
 def _gravity(sensor: str, mean: Array) -> Finding | None:
     g = float(np.linalg.norm(mean))
-    if abs(g - G) <= GRAVITY_DOUBT:
+    if abs(g - GRAVITY) <= GRAVITY_DOUBT:
         return None
-    sentence = f"the resting accelerometer reads {g:.1f} m/s^2 instead of {G:.1f}"
-    return Finding(sensor, "gravity", sentence, "check its calibration", "fault" if abs(g - G) > GRAVITY_FAULT else "warning")
+    sentence = f"the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}"
+    return Finding(sensor, "gravity", sentence, "check its calibration", "fault" if abs(g - GRAVITY) > GRAVITY_FAULT else "warning")
 
 
 def _bias(sensor: str, mean: Array) -> Finding | None:

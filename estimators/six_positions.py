@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 
 from estimators import quaternions as quat
 from estimators.errors import InputError
+from estimators.gravity import GRAVITY
 from estimators.imu_calibration import ImuCalibration
 from estimators.options import option
 from estimators.quaternions import Array
@@ -32,7 +33,7 @@ FIELD_SAMPLES = 2000  # magnetometer samples that the ellipsoid is drawn through
 
 @dataclass(frozen=True, kw_only=True)
 class SolveParams(RestParams):
-    gravity: float = option(9.80665, "m/s^2", "local gravity", "standard gravity, CGPM 1901; between 9.780 and 9.832 on Earth (WGS 84)")
+    gravity: float = option(GRAVITY, "m/s^2", "local gravity", "standard gravity, CGPM 1901; between 9.780 and 9.832 on Earth (WGS 84)")
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def _direction_sd(noise: float, a: Rest, b: Rest, dt: Array) -> float:
     """Expected error (rad) of a direction taken over a turn: noise walked through, what is left of the bias, noise of both rests."""
     walked = noise * float(np.sqrt((dt**2).sum()))
     bias = noise / np.sqrt(min(len(a), len(b))) * float(dt.sum())
-    return float(np.sqrt(walked**2 + bias**2 + sum((r.acc_noise / 9.81) ** 2 / len(r) for r in (a, b)))) + 1e-6
+    return float(np.sqrt(walked**2 + bias**2 + sum((r.acc_noise / GRAVITY) ** 2 / len(r) for r in (a, b)))) + 1e-6
 
 
 def _steps(t: Array, rate: Array, ways: list[tuple[int, int]]) -> tuple[Array, list[Array]]:

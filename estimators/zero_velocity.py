@@ -9,9 +9,8 @@ import math
 import numpy as np
 
 from estimators.compiled import rowwise
+from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
-
-GRAVITY = 9.80665
 
 
 def likelihood_ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float) -> float:

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.hand_geometry import sized
 from estimators.imu_calibration import ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG
 from estimators.simulation import sensors
-from estimators.simulation.sensors import GRAVITY, SensorErrors
+from estimators.simulation.sensors import SensorErrors
 
 RATE = 100.0
 RAW = SensorErrors(

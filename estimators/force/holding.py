@@ -17,12 +17,11 @@ from estimators import quaternions as quat
 from estimators.fingertips import FINGERTIPS, contact_points_of
 from estimators.force import contact
 from estimators.force.contact import ContactParams
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import FINGERS, SEGMENT
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
-
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import every
 
 DEG = np.pi / 180
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from estimators.force import holding, identification
 from estimators.force.contact import ContactParams
-from estimators.force.holding import GRAVITY, UNSURE, Holding
+from estimators.force.holding import UNSURE, Holding
+from estimators.gravity import GRAVITY
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, kinds, worse

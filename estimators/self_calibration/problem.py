@@ -20,7 +20,6 @@ from estimators.options import option
 from estimators.quaternions import Array
 
 Indices = NDArray[np.intp]
-GRAVITY = 9.80665
 THESIS = "Kortier, thesis 4.5.1"
 RESTING_GYR, RESTING_ACC = (
     0.3,

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
-from estimators.self_calibration.problem import GRAVITY, Columns, Indices, Problem, Unknowns, columns, tangents
+from estimators.self_calibration.problem import Columns, Indices, Problem, Unknowns, columns, tangents
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import Hand, side_sign
 from estimators.hand_geometry import HandGeometry, HandMeasures, sized
 from estimators.quaternions import Array
@@ -18,7 +19,7 @@ from estimators.samples import ACC, GYR, Block, Stream
 from estimators.simulation import kinematics, sensors
 from estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
 from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import GRAVITY, SensorErrors, SensorSet
+from estimators.simulation.sensors import SensorErrors, SensorSet
 
 SEGMENTS = ("hand", "index_proximal", "index_middle", "index_distal")
 HINGES = 0.030  # m apart

@@ -13,6 +13,7 @@ from scipy.interpolate import make_interp_spline
 
 from estimators import quaternions as quat
 from estimators.fingertips import FINGERTIPS, offset
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -21,7 +22,6 @@ from estimators.simulation.grasp import Hold, closed
 from estimators.simulation.held import GRASPED
 from estimators.simulation.kinematics import Kinematics
 from estimators.simulation.motion import COORDINATES, joined, posture, sampled, through
-from estimators.simulation.sensors import GRAVITY
 from estimators.simulation.tasks import Performance, relaxed
 from estimators.simulation.whole_hand import smooth, swaying
 

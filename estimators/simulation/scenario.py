@@ -7,6 +7,7 @@ import numpy as np
 
 from estimators import trajectory
 from estimators.errors import InputError
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -136,7 +137,7 @@ def _felt(
 
 def _plans(segments: Sequence[str], errors: SensorErrors, rate: float, forearm_rate: float | None, mag_rate: float | None) -> list[Stream]:
     """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers where they have one."""
-    scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * sensors.GRAVITY}
+    scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY}
     apart = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
     plans = [Stream("imu", tuple(s for s in segments if s not in apart), (GYR, ACC), rate, "imu", scale)]
     plans += [Stream("forearm", apart, (GYR, ACC), forearm_rate or rate, "forearm", scale)] if apart else []

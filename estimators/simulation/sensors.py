@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
 from estimators.hand_geometry import HandGeometry
 from estimators.options import option
@@ -18,7 +19,6 @@ from estimators.quaternions import Array
 from estimators.simulation.kinematics import Kinematics
 from estimators.simulation.magnetic_field import MagneticField
 
-GRAVITY = 9.80665
 MPU9250 = "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1-3"
 CALIBRATED = "left after the strip's calibration (Salchow-Hoemmen 2019, 2.1: sensors calibrated once); size ours"
 WALK_LENGTH = 7200  # s of bias random walk drawn for each sensor; it stays where it is afterwards

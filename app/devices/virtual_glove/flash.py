@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from estimators.gravity import GRAVITY
 from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, MAG, Stream
-from estimators.simulation.sensors import GRAVITY
 from sessions.wire.assembly import correction_of, message_of
 from sessions.wire.messages import StripCalibration
 

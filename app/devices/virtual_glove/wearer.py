@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from estimators.errors import InputError
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
@@ -188,7 +189,7 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
         raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, 'force') if n != 'hand')}")
     if "force" in strips and not {"thumb", "index"} <= set(strips):
         raise InputError("the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well")
-    scale = {GYR: np.radians(2000.0), ACC: 16 * sensors.GRAVITY}
+    scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
     slow = [Stream("force", felt, (FORCE,), FORCE_RATE, "base", {FORCE: ForceErrors().limit})] if "force" in strips else []
     inertial = (

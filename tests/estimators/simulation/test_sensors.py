@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.hand_geometry import sized
 from estimators.options import describe
 from estimators.simulation import kinematics, sensors, tasks
 from estimators.simulation.motion import posture, through
 from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import GRAVITY, IDEAL, SensorErrors
+from estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG
 
 T = np.arange(0, 2, 0.01)
