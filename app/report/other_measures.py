@@ -75,15 +75,15 @@ def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, 
 
 
 def _value(figure: Figure, language: Language) -> str:
-    """ "12.3 ± 0.4" in the unit a person reads."""
+    """ "12.3 ± 0.4" in the unit a person reads; at most four figures, and a deviation is never told as nothing."""
     read = reading(figure)
     if not np.isfinite(read.value):
         return language.say("not_measured")
     if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
         return language.number(read.value, 0 if figure.name.endswith("_count") else _decimals(read.value))
     sd = abs(reading(replace(figure, value=figure.sd)).value)
-    decimals = _decimals_of_sd(sd)
-    return f"{language.number(read.value, decimals)} ± {language.number(sd, decimals)}"
+    decimals = min(_decimals_of_sd(sd), _decimals(read.value) + 1 if read.value else 3)
+    return f"{language.number(read.value, decimals)} ± {language.number(max(sd, 10.0**-decimals), decimals)}"
 
 
 def _decimals_of_sd(sd: float) -> int:

@@ -40,6 +40,23 @@ def test_trials_of_a_task_stand_side_by_side_with_the_worst_grade_and_its_reason
     assert reason == "saturated in 5 % of the samples"
 
 
+@pytest.mark.parametrize(
+    ("value", "sd", "words"),
+    [
+        (1.21, 4e-5, "1.210 ± 0.001"),
+        (49.587, 2e-5, "49.59 ± 0.01"),
+        (0.0, 0.004, "0.000 ± 0.004"),
+        (236.2, 4.1, "236.2 ± 4.1"),
+        (3.0, None, "3.00"),
+    ],
+)
+def test_a_deviation_is_never_told_as_nothing_and_a_value_in_no_more_than_four_figures(value: float, sd: float | None, words: str) -> None:
+    figure = Figure("reach_time", value, "s", "a source", sd, what="reach_time")
+    reach = Task(TaskResult("reach", "reach", 0.0, 10.0, None, (figure,)), "Reach for a cup", "Reach", None)
+    [[(_, values, *_)]] = [section["rows"] for section in other_measures([reach], language("en"))]
+    assert values == [words]
+
+
 def test_tapping_and_ranges_have_sections_of_their_own() -> None:
     own = Task(TaskResult("tapping", "tapping", 0.0, 15.0, None, ()), "Finger tapping", "Tapping", None)
     assert other_measures([own], language("en")) == []
