@@ -35,7 +35,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     db.add_all([ErasedFile(file=file) for file in sorted(files)])
     db.delete(patient)
     db.commit()
-    remove_erased(db, store)
+    remove_erased(db, store, files)
     return counts
 
 

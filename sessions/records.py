@@ -19,7 +19,7 @@ from sessions import formats, native
 from sessions.recorder import being_written
 from sessions.recording import LoadedRecording
 from sessions.store import Store
-from sessions.tables import Patient, PatientSession, RecordingFile, now
+from sessions.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
 
 FINISH_WAIT = 10.0  # s that closing a session waits for its recorder
 
@@ -50,10 +50,16 @@ def close(db: Session, store: Store, session_id: int) -> PatientSession:
 
 
 def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
-    """Keep an uploaded recording as a session of its own, only when it can be opened; `upload` is moved into the store."""
+    """Keep an uploaded recording as a session of its own, only when it can be opened; `upload` is moved into the store.
+
+    Until the session is kept the file's place is told as one to be removed, so that a crash between the two leaves no file without a session.
+    """
     suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
     recording = _opened(upload, name, hand)
     place = store.new_recording(suffix)
+    fleeting = ErasedFile(file=place)
+    db.add(fleeting)
+    db.commit()
     shutil.move(upload, store.path_of(place))
     try:
         moment = now()
@@ -63,6 +69,7 @@ def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: 
         file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
         _describe(file, store, recording)
         db.add_all([session, file])
+        db.delete(fleeting)
         db.commit()
     except BaseException:
         db.rollback()

@@ -2,6 +2,7 @@
 
 import shutil
 import uuid
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,9 +87,9 @@ def open_store(folder: Path, url: str | None = None) -> Store:
     return store
 
 
-def remove_erased(db: Session, store: Store) -> None:
-    """Remove files whose rows were erased (sessions/erasing.py), and what the database's log still holds of those."""
-    left = list(db.scalars(select(ErasedFile)))
+def remove_erased(db: Session, store: Store, files: Collection[str] | None = None) -> None:
+    """Remove these files, or all, whose rows were erased (sessions/erasing.py) or never kept, and what the database's log still holds of those."""
+    left = [erased for erased in db.scalars(select(ErasedFile)) if files is None or erased.file in files]
     for erased in left:
         store.path_of(erased.file).unlink(missing_ok=True)
         db.delete(erased)

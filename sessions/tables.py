@@ -218,7 +218,7 @@ class AuditLine(Base):
 
 
 class ErasedFile(Base):
-    """A file whose rows are gone and that must go too: the next start finishes what a power cut interrupted."""
+    """A file that must go: its rows are gone, or it is an upload whose rows are not there yet; the next start finishes what a power cut interrupted."""
 
     __tablename__ = "erased_file"
 

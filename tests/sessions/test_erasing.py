@@ -1,14 +1,17 @@
 """Erasing really erases: nothing in the data folder tells of the patient any more, others keep everything, a power cut in between is made good."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 from sqlalchemy import func, select
 
 from estimators.errors import InputError
-from sessions import audit, erasing, notes, patients
+from sessions import audit, erasing, notes, patients, records
+from sessions.motion_bids import writer
 from sessions.store import Store, open_store
 from sessions.tables import Base, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from tests.simulated import loaded, pose_and_wiggle
 
 
 @pytest.fixture
@@ -95,3 +98,28 @@ def test_files_that_a_power_cut_left_are_removed_by_the_next_start(store: Store,
     assert mentions(again, b"Quince") == []
     with again.database() as db:
         assert db.scalars(select(ErasedFile)).all() == []
+
+
+def test_an_upload_that_a_power_cut_left_without_a_session_is_removed_by_the_next_start(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    move = shutil.move
+
+    def power_cut(source: Path, target: Path) -> None:
+        move(source, target)
+        raise KeyboardInterrupt
+
+    def uploaded(name: str) -> Path:
+        place = store.incoming / name
+        place.write_bytes(writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle")))
+        return place
+
+    with store.database() as db:
+        patient = patients.create(db, "P-1")
+        whole = records.add_upload(db, store, patient, uploaded("a.zip"), "a.zip", None)
+        monkeypatch.setattr(shutil, "move", power_cut)
+        with pytest.raises(KeyboardInterrupt):
+            records.add_upload(db, store, patient, uploaded("b.zip"), "b.zip", None)
+    assert len(list((store.folder / "recordings").iterdir())) == 2
+    open_store(store.folder).close()
+    assert [p.name for p in (store.folder / "recordings").iterdir()] == [Path(f.file).name for f in whole.recordings]
