@@ -111,7 +111,8 @@ function labelOf(figure) {
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
   const least = DECIMALS[shortOf(figure)] ?? 2;
-  const digits = figure.sd && figure.sd < 0.5 * 10 ** -least ? least + 1 : least;
+  const finer = !CHANGES.includes(shortOf(figure)) && figure.sd && figure.sd < 0.5 * 10 ** -least; // a deviation is never told as nothing
+  const digits = finer ? least + 1 : least;
   const size = decimal(Math.abs(figure.value), digits);
   if (CHANGES.includes(shortOf(figure))) {
     const none = Number(figure.value.toFixed(digits)) === 0;
