@@ -25,9 +25,9 @@ check: $(VENV)/develops
 audit: $(VENV)/develops
 	.ci/audit $(BIN)
 
-# Many tests wait for processes and ports: three at once keep two cores busy. The journeys have both to themselves: the browser draws without a graphics card
+# The journeys have both cores to themselves: the browser draws without a graphics card
 tests: $(VENV)/develops browser
-	$(BIN)/pytest -n 3 --ignore tests/journeys
+	$(BIN)/pytest -n 2 --ignore tests/journeys
 	$(BIN)/pytest tests/journeys
 
 # A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
