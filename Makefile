@@ -27,7 +27,7 @@ audit: $(VENV)/develops
 
 # The journeys have both cores to themselves: the browser draws without a graphics card
 tests: $(VENV)/develops browser
-	$(BIN)/pytest -n 2 --ignore tests/journeys
+	$(BIN)/pytest -n 2 --dist worksteal --ignore tests/journeys
 	$(BIN)/pytest tests/journeys
 
 # A Chromium for the browser tests: one that is there, Debian's as root, otherwise the test tool's own
