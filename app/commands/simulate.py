@@ -1,6 +1,7 @@
 """`handscope simulate`: a simulated recording as Motion-BIDS with the truth beside it."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +16,10 @@ from estimators.hand_geometry import sized
 from estimators.simulation import captured, functional, guided, held_object, tasks
 from estimators.simulation.experiments import EXPERIMENTS, recorded
 from estimators.simulation.magnetic_field import MagneticField, homogeneous, office
-from estimators.simulation.person import drawn
+from estimators.simulation.person import Person, drawn
 from estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
 from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
+from estimators.simulation.tasks import Performance
 from estimators.simulation.transmission import LINKS
 from sessions.motion_bids import writer
 from sessions.motion_bids.truth import truth_files
@@ -116,20 +118,7 @@ def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors:
     person = drawn(arguments.hand, of_person)
     pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_motion))
     steps = functional.all_steps(person.true, of_motion, functional.Carelessness(pose=arguments.pose_error))
-    done, link = [pose, *steps, guided.free(person.true, of_motion)], LINKS[arguments.link]
-    forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
-    return performed(
-        done,
-        arguments.hand,
-        person.true,
-        of_sensors,
-        errors,
-        rate=arguments.rate,
-        forearm_rate=forearm_rate,
-        field=field,
-        known=person.told,
-        link=link,
-    )
+    return _performed(arguments, [pose, *steps, guided.free(person.true, of_motion)], person, of_sensors, errors, field)
 
 
 def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
@@ -138,8 +127,19 @@ def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: Senso
     person = drawn(arguments.hand, of_person)
     pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_pose))
     done = [pose, held_object.TASKS[arguments.task](person.true, of_motion)]
-    glove, link = ForceGlove(), LINKS[arguments.link]
-    forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
+    return _performed(arguments, done, person, of_sensors, errors, field, ForceGlove())
+
+
+def _performed(
+    arguments: argparse.Namespace,
+    done: Sequence[Performance],
+    person: Person,
+    of_sensors: np.random.Generator,
+    errors: SensorErrors,
+    field: MagneticField,
+    force: ForceGlove | None = None,
+) -> Simulated:
+    """What somebody does one after the other, over the link that was asked for."""
     return performed(
         done,
         arguments.hand,
@@ -147,11 +147,11 @@ def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: Senso
         of_sensors,
         errors,
         rate=arguments.rate,
-        forearm_rate=forearm_rate,
+        forearm_rate=None if arguments.link == "wired" else FOREARM_RATE,
         field=field,
         known=person.told,
-        link=link,
-        force=glove,
+        link=LINKS[arguments.link],
+        force=force,
     )
 
 
