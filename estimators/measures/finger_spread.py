@@ -10,9 +10,8 @@ from estimators.hand_anatomy import DEVIATION, FINGERS
 from estimators.hand_geometry import HandGeometry
 from estimators.measures import held_angles
 from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Figure, Kind, kinds
-from estimators.measures.held_angles import Angle, Params, Reached, joint_angle
-from estimators.measures.shown import Shown
+from estimators.measures.figure import Kind, kinds
+from estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
 from estimators.trajectory import Trajectory
 
 TITLE = "Finger spread"
@@ -58,13 +57,3 @@ def measure(
 ) -> list[Reached]:
     """Of the fingers that were measured."""
     return held_angles.reached(params.hold, trajectory, onset, end, angles)
-
-
-def figures(reached: list[Reached]) -> list[Figure]:
-    """The flat list of figures."""
-    return held_angles.figures_of(reached)
-
-
-def shown(reached: list[Reached]) -> Shown:
-    """The angles over time."""
-    return held_angles.shown_of(reached)

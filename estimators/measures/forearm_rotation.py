@@ -13,9 +13,8 @@ from estimators.hand_anatomy import SEGMENT, side_sign
 from estimators.hand_geometry import HandGeometry
 from estimators.measures import held_angles
 from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Figure, Kind, kinds
-from estimators.measures.held_angles import Angle, Params, Reached
-from estimators.measures.shown import Shown
+from estimators.measures.figure import Kind, kinds
+from estimators.measures.held_angles import Angle, Params, Reached, figures, shown
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
@@ -60,13 +59,3 @@ def measure(
 ) -> list[Reached]:
     """Of the hand, where it was measured."""
     return held_angles.reached(params.hold, trajectory, onset, end, angles)
-
-
-def figures(reached: list[Reached]) -> list[Figure]:
-    """The flat list of figures."""
-    return held_angles.figures_of(reached)
-
-
-def shown(reached: list[Reached]) -> Shown:
-    """The angles over time."""
-    return held_angles.shown_of(reached)

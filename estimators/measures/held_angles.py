@@ -78,9 +78,11 @@ def reached(hold: float, trajectory: Trajectory, onset: float, end: float, angle
     return found
 
 
-def figures_of(found: Sequence[Reached]) -> list[Figure]:
+def figures(found: Sequence[Reached]) -> list[Figure]:
+    """The flat list of figures."""
     return [r.kind.of(r.value, r.sd, r.grade, r.reason, r.part) for r in found]
 
 
-def shown_of(found: Sequence[Reached]) -> Shown:
+def shown(found: Sequence[Reached]) -> Shown:
+    """The angles over time."""
     return Shown(tuple(r.curve for r in found if r.curve is not None))
