@@ -1,14 +1,17 @@
 """Shared by all tests: one thread for linear algebra, how hypothesis draws its examples, recordings that several tests read."""
 
 import os
+from collections.abc import Iterator
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
+from playwright.sync_api import Browser, sync_playwright
 
 from estimators.simulation.scenario import Simulated
+from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
 
 settings.register_profile(
@@ -22,6 +25,15 @@ settings.register_profile(
 )
 settings.register_profile("thorough", parent=settings.get_profile("handscope"), max_examples=1000, derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A real Chromium. It is closed after a module, since the tool's event loop would be in the way of tests with one of their own."""
+    with sync_playwright() as tool:
+        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield one
+        one.close()
 
 
 @pytest.fixture

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page
 
-from tests.browser import chromium
 from tests.journeys.house import ROOT, Server, api, begun, new_patient, shown
 
 SIZE = {"width": 1024, "height": 768}
@@ -29,14 +28,6 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
         assert process.wait(30) == 130, log.read_text()
     assert "Traceback" not in log.read_text(), log.read_text()
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield one
-        one.close()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect
 
 import static
 from app.api import languages
@@ -15,7 +15,6 @@ from app.live.telling import told_of
 from app.live.wizard import Act, Facts, State, Wizard
 from tests.app.live.test_wizard import READY, at, later
 from tests.app.scene.small_site import eventually
-from tests.browser import chromium
 
 pytestmark = pytest.mark.browser
 ROOT = Path(static.__file__).parent
@@ -60,14 +59,6 @@ BLOCK = """() => {
   const state = Object.getOwnPropertyDescriptor(BaseAudioContext.prototype, "state");
   Object.defineProperty(BaseAudioContext.prototype, "state", { get() { return pressed ? state.get.call(this) : "suspended"; } });
 }"""  # as a browser does with a page on which nothing was pressed; what a test evaluates there counts as a press
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield one
-        one.close()
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
 
 from app.language import ENGLISH, languages
 from app.protocols import load_all
@@ -86,17 +87,13 @@ def test_chapters_are_named_in_the_language_asked_for() -> None:
 
 
 @pytest.mark.browser
-def test_a_browser_without_a_network_plays_it(page: str, tmp_path: Path) -> None:
-    from playwright.sync_api import sync_playwright
-
-    from tests.browser import chromium
-
+def test_a_browser_without_a_network_plays_it(page: str, tmp_path: Path, browser: Browser) -> None:
     (tmp_path / "replay.html").write_text(page, "utf-8")
-    with sync_playwright() as tool, tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"]) as browser:
-        shown = browser.new_page(viewport={"width": 500, "height": 400})
+    with browser.new_context(viewport={"width": 500, "height": 400}) as context:
+        shown = context.new_page()
         asked: list[str] = []
         shown.on("request", lambda request: asked.append(request.url) if request.url.startswith(("http", "ws")) else None)
-        shown.context.set_offline(True)
+        context.set_offline(True)
         shown.goto((tmp_path / "replay.html").as_uri())
         shown.wait_for_selector("html[data-ready]", timeout=60_000)
         shown.locator("#where").fill("3.14")

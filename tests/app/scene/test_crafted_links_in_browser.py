@@ -8,14 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
 from app.scene.bridge import PROTOCOL
 from app.scene.hand_scene import HandScene
 from tests.app.scene.small_site import COOKIE, Site, eventually, site
-from tests.browser import chromium
 
 pytestmark = pytest.mark.browser
 
@@ -52,14 +51,6 @@ def stranger() -> Iterator[Stranger]:
         loop.call_soon_threadsafe(stop.set)
         thread.join(20)
         loop.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield one
-        one.close()
 
 
 @pytest.fixture(scope="module")

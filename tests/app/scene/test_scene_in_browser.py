@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from app.scene import postures, view
 from app.scene.hand_scene import HandScene
@@ -16,20 +16,11 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import FINGERS, JOINT
 from estimators.simulation import tasks
 from tests.app.scene.small_site import COOKIE, Site, eventually, site
-from tests.browser import chromium
 
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
 QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
 Mask = NDArray[np.bool_]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield one
-        one.close()
 
 
 @pytest.fixture(scope="module")
