@@ -16,7 +16,7 @@ from app.options import with_options
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import Hand
-from estimators.methods import BATCH, METHODS
+from estimators.methods import ALL_METHODS
 from estimators.processing import process
 from sessions import derivative, formats
 from sessions.native import SUFFIX, file_checksum
@@ -76,7 +76,7 @@ def one(work: Work) -> Outcome:
         key = _key(path, work)
         if _done(out) == key:
             return Outcome(work.name, "before")
-        method = {**METHODS, **BATCH}[work.method]
+        method = ALL_METHODS[work.method]
         params = with_options(method.Params, work.options)
         recording = formats.load(path, work.hand)
         processed = process(method, params, recording)

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from app.options import help_text, parse, with_options
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
-from estimators.methods import BATCH, METHODS
+from estimators.methods import ALL_METHODS
 from estimators.processing import Processed, process
 from sessions import calibration_result, formats
 from sessions.recording import LoadedRecording
@@ -30,7 +30,7 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 
 
 def add_method(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--method", default="m2", metavar="NAME", help=f"one of {', '.join({**METHODS, **BATCH})} (default m2)")
+    parser.add_argument("--method", default="m2", metavar="NAME", help=f"one of {', '.join(ALL_METHODS)} (default m2)")
     parser.add_argument(
         "--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the method, see below; may be repeated"
     )
@@ -41,7 +41,7 @@ def add_method(parser: argparse.ArgumentParser) -> None:
         help="take the calibration events from another recording, or what `map` found from its ..._calibration.json",
     )
     parser.epilog = "methods and their options:\n" + "\n".join(
-        f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in {**METHODS, **BATCH}.items()
+        f"\n{name}: {m.TITLE}\n{help_text(m.Params)}" for name, m in ALL_METHODS.items()
     )
 
 
@@ -54,10 +54,9 @@ def seed(word: str) -> int:
 
 def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
     """The method named and its parameters."""
-    methods = {**METHODS, **BATCH}
-    if arguments.method not in methods:
-        raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(methods)}")
-    module = methods[arguments.method]
+    if arguments.method not in ALL_METHODS:
+        raise InputError(f"there is no method {arguments.method!r}; methods are {', '.join(ALL_METHODS)}")
+    module = ALL_METHODS[arguments.method]
     return module, with_options(module.Params, parse(arguments.option))
 
 

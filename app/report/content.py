@@ -17,7 +17,7 @@ from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from estimators.measures import MEASURES
 from estimators.measures.assessment import TaskResult
 from estimators.measures.range_of_motion import Range
-from estimators.methods import METHODS
+from estimators.methods import ALL_METHODS
 from estimators.options import Description, describe
 from estimators.processing import Processed
 from estimators.quaternions import Array
@@ -55,7 +55,7 @@ class Changed:
 class Method:
     """How the movement was estimated."""
 
-    name: str  # of METHODS
+    name: str  # of ALL_METHODS
     title: str
     changed: tuple[Changed, ...]
 
@@ -191,7 +191,7 @@ def content(
     course: Course | None = None,
     corrections: Sequence[Mapping[str, Any]] = (),
 ) -> Content:
-    """Gather a session: its recording, what the method (a name of METHODS) with its params made of it, what was measured on that.
+    """Gather a session: its recording, what the method (a name of ALL_METHODS) with its params made of it, what was measured on that.
 
     `protocols` (by task name) tell what each task was called and which angles it asked for; a task without one may have asked for any.
     """
@@ -201,7 +201,7 @@ def content(
         recording.hand,
         visit.date or _moment(recording.start_utc),
         software,
-        Method(method, METHODS[method].TITLE, tuple(_changed(params))),
+        Method(method, ALL_METHODS[method].TITLE, tuple(_changed(params))),
         _recording(recording),
         tuple(CalibrationFacts(c.source, c.t, c.end, c.quality) for c in processed.calibrations),
         tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),

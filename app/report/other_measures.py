@@ -11,7 +11,7 @@ from app.language import Language
 from app.report.content import Task
 from app.report.norms import norm_of
 from app.report.range_rows import GRADES
-from app.report.units import reading, unit_words
+from app.report.units import decimals, decimals_of_sd, reading, unit_words
 from app.report.words import grade_words, named, span_words
 from estimators.measures.figure import Figure
 
@@ -67,7 +67,7 @@ def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, 
     norm = norm_of(what, part, task)
     if norm is None:
         return None
-    number = partial(language.number, decimals=_decimals(norm.mean) if norm.sd is None else _decimals_of_sd(norm.sd))
+    number = partial(language.number, decimals=decimals(norm.mean) if norm.sd is None else decimals_of_sd(norm.sd))
     spread = "" if norm.sd is None else f" ± {number(norm.sd)}"
     most = "" if norm.low is None or norm.high is None else f" ({number(norm.low)} – {number(norm.high)})"
     told = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
@@ -80,17 +80,7 @@ def _value(figure: Figure, language: Language) -> str:
     if not np.isfinite(read.value):
         return language.say("not_measured")
     if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
-        return language.number(read.value, 0 if figure.name.endswith("_count") else _decimals(read.value))
+        return language.number(read.value, 0 if figure.name.endswith("_count") else decimals(read.value))
     sd = abs(reading(replace(figure, value=figure.sd)).value)
-    decimals = min(_decimals_of_sd(sd), _decimals(read.value) + 1 if read.value else 3)
-    return f"{language.number(read.value, decimals)} ± {language.number(max(sd, 10.0**-decimals), decimals)}"
-
-
-def _decimals_of_sd(sd: float) -> int:
-    """Decimals of a value with such a deviation, of which two digits are said."""
-    return max(0, min(3, 1 - int(np.floor(np.log10(sd)))))
-
-
-def _decimals(value: float) -> int:
-    """So that about three figures are seen."""
-    return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0
+    places = min(decimals_of_sd(sd), decimals(read.value) + 1 if read.value else 3)
+    return f"{language.number(read.value, places)} ± {language.number(max(sd, 10.0**-places), places)}"

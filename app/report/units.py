@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from app.language import Language
 from estimators.measures.figure import Figure
 
@@ -47,3 +49,13 @@ def reading(figure: Figure) -> Reading:
 def unit_words(unit: str, language: Language) -> str:
     """The unit as printed: "per s" for Hz."""
     return language.known(f"unit.{unit}", unit)
+
+
+def decimals_of_sd(sd: float) -> int:
+    """Decimals of a value with such a deviation, of which two digits are said."""
+    return max(0, min(3, 1 - int(np.floor(np.log10(sd)))))
+
+
+def decimals(value: float) -> int:
+    """So that about three figures are seen."""
+    return max(0, min(3, 2 - int(np.floor(np.log10(abs(value)))))) if value else 0
