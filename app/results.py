@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 from sqlalchemy.exc import DBAPIError
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, object_session
 from sqlalchemy.orm.exc import StaleDataError
 
 from app.options import with_options
 from app.protocols import offered
+from app.report import self_calibration
 from app.report.content import Content, Visit, content
 from app.report.kept import packed, unpacked
 from estimators.errors import InputError
@@ -26,12 +27,12 @@ from estimators.measures.assessment import TaskResult, assess
 from estimators.measures.excursions import repetitions
 from estimators.measures.shown import Shown, thinned
 from estimators.measures.tapping import Tapping
-from estimators.methods import METHODS
+from estimators.methods import ALL_METHODS
 from estimators.processing import Processed, process
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.trajectory import Trajectory
-from sessions import corrections, derivative, records
+from sessions import corrections, derivative, records, self_calibrations
 from sessions.full_disk import FULL, is_full
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
@@ -86,12 +87,14 @@ def computed(
     store: Store, result: Result, progress: Callable[[float], None] = lambda share: None, reasons: bool = True
 ) -> tuple[LoadedRecording, Processed]:
     """The recording and what the method makes of it, computed anew; with the reasons of corrections or without."""
-    if result.method not in METHODS:
-        raise InputError(f"there is no method {result.method!r}; methods are {', '.join(METHODS)}")
-    method = METHODS[result.method]
+    if result.method not in ALL_METHODS:
+        raise InputError(f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}")
+    method = ALL_METHODS[result.method]
     made = result.corrections if reasons else corrections.untold(result.corrections)
     recording = corrections.corrected(records.opened(store, result.recording), made)
-    return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress)
+    db = object_session(result)
+    known = None if db is None else self_calibrations.known(db, result.reused)
+    return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress, known=known)
 
 
 def assessed(method: str, recording: LoadedRecording, processed: Processed) -> list[TaskResult]:
@@ -102,7 +105,7 @@ def assessed(method: str, recording: LoadedRecording, processed: Processed) -> l
 def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
     """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
     recording, processed = computed(store, result, reasons=reasons)
-    params = with_options(METHODS[result.method].Params, result.parameters)
+    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     return derivative.tree(processed, recording, result.method, params, result.version)
 
 
@@ -120,6 +123,7 @@ def page_content(processed: Processed, tasks: list[TaskResult], recording: Loade
     """Everything that the result page draws besides the figures."""
     moved, c = processed.trajectory, processed.calibrations[0]
     return {
+        "self_calibration": self_calibration.kept_of(processed),
         "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
         "measured": measured_segments(moved),
         "calibration": {"source": c.source, "onset": c.t, "end": c.end, "quality": {s: asdict(q) for s, q in c.quality.items()}},
@@ -170,7 +174,7 @@ def report_file(result_id: int) -> str:
 
 def save_report(store: Store, result: Result, recording: LoadedRecording, processed: Processed, tasks: list[TaskResult]) -> Content:
     """Keep what a report says of the recording; it can be made again at any time."""
-    params = with_options(METHODS[result.method].Params, result.parameters)
+    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
     protocols, _ = offered(store.folder)
     said = content(nobody, recording, processed, result.method, params, tasks, version, protocols, corrections=corrected)

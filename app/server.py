@@ -12,7 +12,21 @@ from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from app import language, metrics, protocols
-from app.api import accounts, errors, languages, login, methods, pages, patients, progress, results, sessions, sign_on, stations
+from app.api import (
+    accounts,
+    errors,
+    languages,
+    login,
+    methods,
+    pages,
+    patients,
+    progress,
+    results,
+    self_calibrations,
+    sessions,
+    sign_on,
+    stations,
+)
 from app.api.access import Gate
 from app.api.roles import EVERY_ACCOUNT, May
 from app.api.state import Parts
@@ -63,7 +77,7 @@ def create_app(settings: Settings) -> FastAPI:
         middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
-    for module in (accounts, patients, progress, sessions, results, stations, methods, login):
+    for module in (accounts, patients, progress, sessions, results, self_calibrations, stations, methods, login):
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")
     app.include_router(login.pages)

@@ -32,6 +32,7 @@ class Processed:
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()  # faults of sensors; their segments are flagged
+    told: tuple[str, ...] = ()  # of the warnings those of the method or of calibrating, in their order
 
 
 def process(
@@ -64,23 +65,23 @@ def process(
     moved, of_forces = fingertip_forces.attached(fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations)
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
     said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved), *of_forces]
-    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings)
+    return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings, tuple(warnings))
 
 
 def with_known(pose: Calibration, known: Known) -> Calibration:
-    """The pose of a hand whose lengths, and whose sensors' seats, were found before; the pose tells the rest. InputError for another hand."""
+    """The pose of a hand whose lengths, or also whose sensors' seats, were found before; the pose tells the rest. InputError for another hand."""
     if pose.hand != known.hand:
         raise InputError(f"the calibration is of the {known.hand} hand, the recording of the {pose.hand} one")
     if pose.source == "none":
         raise InputError(f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first")
     seats = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
-    seated = functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats) if "hand" in pose.q_BS else pose
+    seated = functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats) if seats and "hand" in pose.q_BS else pose
     geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, **known.lengths})
     return replace(
         seated,
         geometry=geometry,
         gyr_bias={**known.gyr_bias, **pose.gyr_bias},
-        source=f"{pose.source}, seats and lengths from self-calibration",
+        source=f"{pose.source}, {'seats and lengths' if seats else 'lengths'} from self-calibration",
     )
 
 

@@ -29,6 +29,8 @@ from sessions.tables import (
     PatientSession,
     RecordingFile,
     Result,
+    Reuse,
+    SelfCalibration,
     now,
 )
 
@@ -42,6 +44,8 @@ KINDS: Mapping[type[Base], str] = {
     PatientSession: "session",
     RecordingFile: "recording",
     Correction: "correction",
+    SelfCalibration: "self_calibration",
+    Reuse: "reuse",
     Result: "result",
     Account: "account",
 }
@@ -145,6 +149,8 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
         "session": of_session.where(PatientSession.id == number),
         "recording": of_session.join(RecordingFile).where(RecordingFile.id == number),
         "correction": of_session.join(RecordingFile).join(Correction).where(Correction.id == number),
+        "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
+        "reuse": of_session.join(Reuse).where(Reuse.id == number),
         "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),
     }
     return db.scalar(queries[kind]) if kind in queries else None

@@ -1,6 +1,6 @@
 """Everything about one patient in one zip, written as it goes: nothing is held in memory but one recording at a time.
 
-patient.json        facts and notes
+patient.json        facts, notes and what self-calibration found of the hands
 sessions/NUMBER/    session.json, every recording as it was kept, a native one also as Motion-BIDS, every result as JSON with its replay (npz)
 manifest.json       all files with size and SHA-256, when and with which software, and what could not be put in
 SHA256SUMS          the same sums as `sha256sum -c` reads them
@@ -27,7 +27,7 @@ from sessions.tables import Base, PatientSession, RecordingFile, now
 PIECE = 2**20
 README = """Everything that Handscope kept about one patient.
 
-patient.json     facts and notes; lengths in metres, times in UTC
+patient.json     facts, notes, self-calibrations; SI units, times in UTC
 sessions/        a folder a session: session.json, the recordings as they were kept (and as Motion-BIDS), the results
 manifest.json    every file with its size and SHA-256; check with: sha256sum -c SHA256SUMS
 
@@ -63,7 +63,7 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
     archive, problems = _Archive(out), list[str]()
     archive.put("README.txt", [README.encode()])
     notes = [_row(note) for note in patient.notes]
-    archive.put("patient.json", _json({**_row(patient), "notes": notes}))
+    archive.put("patient.json", _json({**_row(patient), "notes": notes, "self_calibrations": [_row(c) for c in patient.self_calibrations]}))
     for session_id in [session.id for session in patient.sessions]:
         db.expunge_all()  # what was written is let go
         problems += _session(archive, store, records.get(db, session_id))
@@ -81,7 +81,10 @@ def write(db: Session, store: Store, patient_id: int, software: str, out: IO[byt
 def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterator[str]:
     """Everything of one session; gives what could not be put in."""
     folder = f"sessions/{session.id}"
-    archive.put(f"{folder}/session.json", _json({**_row(session), "recordings": [_recording(f) for f in session.recordings]}))
+    archive.put(
+        f"{folder}/session.json",
+        _json({**_row(session), "reuses": [_row(r) for r in session.reuses], "recordings": [_recording(f) for f in session.recordings]}),
+    )
     for file in session.recordings:
         path = store.path_of(file.file)
         name = f"{folder}/recording-{file.id}{path.suffix}"

@@ -16,12 +16,13 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
-from sqlalchemy import delete, event, inspect, select
+from sqlalchemy import Connection, delete, event, inspect, select
 from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 
 from estimators.measures.repeatability import Interval, reliability, within
-from sessions import corrections
-from sessions.tables import Correction, PatientSession, RecordingFile, Repeatability, Result
+from sessions import corrections, self_calibrations
+from sessions.self_calibrations import glove_of
+from sessions.tables import Correction, PatientSession, RecordingFile, Repeatability, Result, Reuse
 
 REPEATED = timedelta(days=7)
 ENOUGH = 4  # degrees of freedom (five sessions in a week): the SEM's upper limit is 2.9 SEM; with one it is 32 SEM, and 30 of 100 changes of nothing exceed 1.96 sqrt(2) SEM
@@ -187,6 +188,14 @@ def _corrected(mapper: Mapper[Correction], connection: object, correction: Corre
         db.info.setdefault(CORRECTED, set()).add(correction.recording_id)
 
 
+@event.listens_for(Reuse, "after_insert")
+def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> None:
+    db = object_session(reuse)
+    if db is not None:
+        files = connection.scalars(select(RecordingFile.id).where(RecordingFile.session_id == reuse.session_id))
+        db.info.setdefault(CORRECTED, set()).update(files)
+
+
 @event.listens_for(PatientSession, "after_update")
 def _dated(mapper: Mapper[PatientSession], connection: object, visit: PatientSession) -> None:
     """What was measured again within a day, and what came before, goes by the date."""
@@ -217,6 +226,7 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
             Result.parameters,
             file.id,
             Result.corrections,
+            Result.reused,
         )
         .join(file, Result.recording_id == file.id)
         .join(visit, file.session_id == visit.id)
@@ -225,12 +235,12 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
     )
     if patient is not None:
         query = query.where(visit.patient_id == patient)
-    standing = _standing(db)
+    standing, decisions = _standing(db), self_calibrations.decisions(db)
     newest: dict[Any, Occasion] = {}
-    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied in db.execute(query):
-        if applied != standing.get(recording, []):
+    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied, reused in db.execute(query):
+        if applied != standing.get(recording, []) or reused != self_calibrations.as_data(decisions.get(session), method):
             continue
-        o = Occasion(id_, session, person, hand, started, checksum or "", _device(summary), method, parameters)
+        o = Occasion(id_, session, person, hand, started, checksum or "", glove_of(summary), method, parameters)
         newest[o.session, o.way] = o
     first: dict[Any, Occasion] = {}
     for o in newest.values():
@@ -248,13 +258,8 @@ def _standing(db: Session) -> dict[int, list[dict[str, Any]]]:
 
 def _occasion(result: Result) -> Occasion:
     file, visit = result.recording, result.recording.session
-    facts = visit.patient_id, visit.hand, visit.started, file.sha256 or "", _device(file.summary)
+    facts = visit.patient_id, visit.hand, visit.started, file.sha256 or "", glove_of(file.summary)
     return Occasion(result.id, visit.id, *facts, result.method, result.parameters)
-
-
-def _device(summary: Mapping[str, Any]) -> str:
-    """The glove's number; "" where the recording does not tell it. A name will not do: gloves of one make, and all imports of one system, share it."""
-    return str(summary.get("source", {}).get("device_id") or "")[:200]
 
 
 def _store(db: Session, occasions: Sequence[Occasion], of_patients: bool = True, of_gloves: bool = True) -> None:

@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
-from sessions import corrections
+from sessions import corrections, self_calibrations
 from sessions.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
@@ -19,18 +19,26 @@ ENDED = "the computation ended unexpectedly; try other options or report this re
 
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
     """sha256 of everything that the result depends on."""
-    standing = corrections.standing(file)
-    parts = [file.sha256, method, dict(parameters), file.session.geometry, file.session.hand, version, *([standing] if standing else [])]
+    standing, reused = corrections.standing(file), self_calibrations.standing(file.session, method)
+    parts = [
+        file.sha256,
+        method,
+        dict(parameters),
+        file.session.geometry,
+        file.session.hand,
+        version,
+        *(p for p in (standing, reused) if p),
+    ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> Result:
-    """The result with this key, queued when there is none or when it failed before; by the corrections that count now."""
+    """The result with this key, queued when there is none or when it failed before; by the corrections and the reuse that count now."""
     key = key_of(file, method, parameters, version)
     result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
     if result is None:
         facts = {"method": method, "parameters": dict(parameters), "version": version, "corrections": corrections.standing(file)}
-        result = Result(recording=file, key=key, **facts)
+        result = Result(recording=file, key=key, reused=self_calibrations.standing(file.session, method), **facts)
         db.add(result)
     elif result.state == "failed":
         result.state, result.error, result.progress, result.attempts = "queued", "", 0.0, 0
@@ -47,11 +55,11 @@ def get(db: Session, result_id: int) -> Result:
 
 
 def current(file: RecordingFile) -> list[Result]:
-    """Of every method with its options the newest result by the corrections that count now, the newest first."""
+    """Of every method with its options the newest result by the corrections and the reuse that count now, the newest first."""
     standing = corrections.standing(file)
     newest: dict[str, Result] = {}
     for result in sorted(file.results, key=lambda r: -r.id):
-        if result.corrections == standing:
+        if result.corrections == standing and result.reused == self_calibrations.standing(file.session, result.method):
             newest.setdefault(json.dumps([result.method, result.parameters], sort_keys=True, default=str), result)
     return list(newest.values())
 

@@ -52,6 +52,7 @@ class Patient(Base):
         back_populates="patient", cascade="all, delete-orphan", order_by="PatientSession.started.desc()"
     )
     notes: Mapped[list["Note"]] = relationship(cascade="all, delete-orphan", order_by="Note.id.desc()")
+    self_calibrations: Mapped[list["SelfCalibration"]] = relationship(cascade="all, delete-orphan", order_by="SelfCalibration.id.desc()")
 
     __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
 
@@ -97,6 +98,7 @@ class PatientSession(Base):
     recordings: Mapped[list["RecordingFile"]] = relationship(
         back_populates="session", cascade="all, delete-orphan", order_by="RecordingFile.id"
     )
+    reuses: Mapped[list["Reuse"]] = relationship(cascade="all, delete-orphan", order_by="Reuse.id")
 
 
 class RecordingFile(Base):
@@ -140,8 +142,44 @@ class Correction(Base):
     recording: Mapped[RecordingFile] = relationship(back_populates="corrections")
 
 
+class SelfCalibration(Base):
+    """What self-calibration found of a hand and a glove in one stretch of free movement (sessions/self_calibrations.py). Never edited, only withdrawn."""
+
+    __tablename__ = "self_calibration"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    hand: Mapped[str] = mapped_column(String(5))
+    glove: Mapped[str] = mapped_column(String(200), default="")  # its number; "" where the recording does not tell it
+    onset: Mapped[float]  # s of the recording
+    end: Mapped[float]
+    version: Mapped[str] = mapped_column(String(32))  # of the program
+    found: Mapped[dict[str, Any]] = mapped_column(default=dict)  # lengths, seats, biases with standard deviations (derivative.py), SI
+    told: Mapped[list[Any]] = mapped_column(default=list)  # what it says of itself, in sentences
+    kept: Mapped[datetime] = mapped_column(default=now)
+    withdrawn: Mapped[datetime | None]  # it is not offered any more
+
+    recording: Mapped[RecordingFile] = relationship()
+
+
+class Reuse(Base):
+    """What a session takes over of an earlier self-calibration, as a person decided it. A row a decision, the newest counts."""
+
+    __tablename__ = "reuse"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
+    self_calibration_id: Mapped[int | None] = mapped_column(ForeignKey("self_calibration.id", ondelete="CASCADE"), index=True)
+    parts: Mapped[str] = mapped_column(String(20))  # nothing, lengths, lengths_and_seats
+    made: Mapped[datetime] = mapped_column(default=now)
+
+    self_calibration: Mapped[SelfCalibration | None] = relationship()
+
+
 class Result(Base):
-    """What a method gave: a function of (recording, corrections, method, parameters, version), recomputed at will, never edited."""
+    """What a method gave: a function of (recording, corrections, reuse, method, parameters, version), recomputed at will, never edited."""
 
     __tablename__ = "result"
     __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"), NEVER_AGAIN)
@@ -152,6 +190,7 @@ class Result(Base):
     method: Mapped[str] = mapped_column(String(32))
     parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
     corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")  # that it was computed with
+    reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")  # of an earlier self-calibration; empty: nothing
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
     state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed

@@ -14,7 +14,7 @@ from app.api.state import Db, LanguageDep, PartsDep
 from app.jobs import make_derivative, make_replay_file, make_report
 from app.kept_curves import APERTURE, beside, curves
 from app.protocols import offered
-from app.report import Paper
+from app.report import Paper, self_calibration
 from app.report.gradings import DEFAULT, MEASURE, uninjured
 from app.report.units import READABLE
 from app.reporting import changes_of, course_of
@@ -61,6 +61,10 @@ def read_result(
         "content": events_for(who, {name: value for name, value in r.content.items() if not (lean and name == "tasks")}),
         "warnings": [language.heard(w if who.sees_all else without_reasons(w, r.corrections)) for w in r.warnings],
         "readings": read,
+        "reused": r.reused,
+        "self_calibration": self_calibration.told(kept["table"], kept["told"], language)
+        if (kept := r.content.get("self_calibration"))
+        else None,
         "grading": grading,
         "checksum": r.recording.sha256,
     }

@@ -18,7 +18,7 @@ from app.live.stations import live_setup
 from app.options import with_options
 from app.version import software_version
 from estimators.errors import InputError
-from estimators.methods import METHODS
+from estimators.methods import ALL_METHODS
 from estimators.options import describe
 from sessions import corrections, dates, native, patients, records, results, visit_facts
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
@@ -164,7 +164,7 @@ def correct(db: Db, parts: PartsDep, recording_id: int, new: NewCorrection) -> d
     file = _closed(db, recording_id)
     before = results.current(file)
     made = corrections.add(db, file, new.event, new.kind, new.reason, new.onset, new.end)
-    return {"correction": correction_row(made), "results": _recomputed(db, parts, file, before)}
+    return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
 
 
 @router.delete("/corrections/{correction_id}")
@@ -173,7 +173,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
     file = corrections.get(db, correction_id).recording
     before = results.current(file)
     made = corrections.undo(db, correction_id)
-    return {"correction": correction_row(made), "results": _recomputed(db, parts, file, before)}
+    return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
 
 
 @router.get("/recordings/{recording_id}/file", dependencies=[may(CLINICIAN, does="exported")])
@@ -228,6 +228,7 @@ def recording_row(f: RecordingFile) -> dict[str, Any]:
                 "state": r.state,
                 "created": r.created,
                 "corrections": len(r.corrections),
+                "reused": r.reused,
                 "current": r in current,
             }
             for r in f.results
@@ -246,7 +247,7 @@ def _closed(db: Db, recording_id: int) -> RecordingFile:
     return file
 
 
-def _recomputed(db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]) -> list[dict[str, int]]:
+def recomputed(db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]) -> list[dict[str, int]]:
     """What stands now for each of the results that stood before."""
     pairs = [(old, results.wanted(db, file, old.method, old.parameters, software_version())) for old in before]
     for _, result in pairs:
@@ -256,9 +257,9 @@ def _recomputed(db: Db, parts: Parts, file: RecordingFile, before: Sequence[Resu
 
 
 def _queue(db: Db, parts: Parts, session: PatientSession, method: str, options: dict[str, Any]) -> Result:
-    if method not in METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
-    params = with_options(METHODS[method].Params, options)
+    if method not in ALL_METHODS:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(ALL_METHODS)}")
+    params = with_options(ALL_METHODS[method].Params, options)
     changed = {d.name: getattr(params, d.name) for d in describe(type(params)) if getattr(params, d.name) != d.default}
     closed = [f for f in session.recordings if f.sha256]
     if not closed:

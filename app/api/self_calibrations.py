@@ -1,0 +1,109 @@
+"""/api/self-calibrations: what self-calibration found of a patient's hands, and what a session takes over of it"""
+
+from typing import Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api.roles import CLINICIAN, SCIENTIST, may
+from app.api.sessions import recomputed
+from app.api.state import Db, LanguageDep, PartsDep
+from app.language import Language
+from app.report.self_calibration import told
+from app.version import software_version
+from estimators.errors import InputError
+from sessions import patients, records, results, self_calibrations
+from sessions.self_calibrations import Offer
+from sessions.tables import PatientSession, SelfCalibration
+
+router = APIRouter(tags=["self-calibrations"], dependencies=[may(CLINICIAN)])
+
+
+class NewSelfCalibration(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    result: int = Field(description="a result by map, whose findings are to be kept with the patient")
+
+
+class SelfCalibrationChange(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    withdrawn: bool = Field(description="it is not offered any more; what took it over keeps it")
+
+
+class Decision(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    parts: str = Field(description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since")
+    self_calibration: int | None = None
+
+
+@router.get("/patients/{patient_id}/self-calibrations", dependencies=[may(CLINICIAN, SCIENTIST)])
+def list_self_calibrations(db: Db, language: LanguageDep, patient_id: int) -> list[dict[str, Any]]:
+    """All of both hands, also those that were withdrawn, the last kept first."""
+    return [row(c, language) for c in patients.get(db, patient_id).self_calibrations]
+
+
+@router.post("/patients/{patient_id}/self-calibrations", status_code=201)
+def keep_self_calibration(db: Db, language: LanguageDep, patient_id: int, new: NewSelfCalibration) -> dict[str, Any]:
+    """Keep what a result by map found with the patient; keeping is not using: sessions take it over where somebody decides so."""
+    result = results.get(db, new.result)
+    if result.recording.session.patient_id != patient_id:
+        raise InputError(f"result {new.result} is of another patient; nothing was kept")
+    return row(self_calibrations.keep(db, result.recording, self_calibrations.of_result(result), software_version()), language)
+
+
+@router.patch("/self-calibrations/{self_calibration_id}")
+def change_self_calibration(db: Db, language: LanguageDep, self_calibration_id: int, change: SelfCalibrationChange) -> dict[str, Any]:
+    """Offer it no more, or again."""
+    return row(self_calibrations.withdraw(db, self_calibration_id, change.withdrawn), language)
+
+
+@router.get("/sessions/{session_id}/reuse", dependencies=[may(CLINICIAN, SCIENTIST)])
+def read_reuse(db: Db, parts: PartsDep, language: LanguageDep, session_id: int) -> dict[str, Any]:
+    """What was decided for the session (null: nothing yet, and nothing is taken over), and what could be."""
+    return _reuse(records.get(db, session_id), language)
+
+
+@router.put("/sessions/{session_id}/reuse")
+def decide(db: Db, parts: PartsDep, language: LanguageDep, session_id: int, new: Decision) -> dict[str, Any]:
+    """Decide what the session takes over; what was computed is computed anew with it, and kept."""
+    session = records.get(db, session_id)
+    closed = [f for f in session.recordings if f.sha256]
+    before = [r for f in closed for r in results.current(f) if r.method in self_calibrations.USED_BY]
+    self_calibrations.decide(db, session, new.parts, new.self_calibration)
+    again = [pair for f in closed for pair in recomputed(db, parts, f, [r for r in before if r.recording_id == f.id])]
+    return {**_reuse(session, language), "results": again}
+
+
+def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
+    """A self-calibration for people."""
+    visit = c.recording.session
+    return {
+        "id": c.id,
+        "hand": c.hand,
+        "glove": c.glove,
+        "session": visit.id,
+        "recording": c.recording_id,
+        "recorded": visit.started,
+        "onset": c.onset,
+        "kept": c.kept,
+        "withdrawn": c.withdrawn,
+        "version": c.version,
+        "told": told(c.found, c.told, language),
+    }
+
+
+def offer_row(offer: Offer, language: Language) -> dict[str, Any]:
+    """One that a session may take over, and which parts of it."""
+    return {**row(offer.self_calibration, language), "parts": offer.parts, "barred": language.heard(offer.barred)}
+
+
+def _reuse(session: PatientSession, language: Language) -> dict[str, Any]:
+    decided = self_calibrations.decision(session)
+    return {
+        "decided": None
+        if decided is None
+        else {"parts": decided.parts, "self_calibration": decided.self_calibration_id, "made": decided.made},
+        "offers": [offer_row(o, language) for o in self_calibrations.offers(session)],
+    }
