@@ -20,6 +20,7 @@ import numpy as np
 from app.devices.glove import Glove
 from app.live import ghost, kept_trials, wizard
 from app.live.curve import Curve
+from app.live.measured_steps import MeasuredSteps
 from app.live.moving_finger import MOVES, bends
 from app.live.telling import beat, tell
 from app.live.tracking import Tracking
@@ -31,7 +32,6 @@ from estimators import calibration_quality
 from estimators.calibration import Calibration
 from estimators.calibration_quality import JointQuality
 from estimators.errors import InputError
-from estimators.functional_steps import Piece
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
 from estimators.hand_geometry import HandGeometry, table_of
 from estimators.initial_pose import DEG, THERAPIST, Pose
@@ -86,7 +86,6 @@ class Station:
         self._on_finish = on_finish
         self._lock = threading.RLock()
         self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps)
-        self._measured: dict[str, tuple[str, Event, Piece]] = {}  # steps of the calibration that goes on, with their events' ids
         self._calibration: Calibration | None = None
         self._viewers: list[Callable[[], object]] = []
         self._stop = threading.Event()
@@ -105,6 +104,7 @@ class Station:
         }
         self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
         self.glove = Glove(setup.port, setup.recording, about, self.tracking.feed)
+        self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
 
     def __enter__(self) -> "Station":
         self.tracking.__enter__()
@@ -250,11 +250,11 @@ class Station:
             elif order.kind == "keep_attempt":
                 self._keep(order)
             elif order.kind == "measure_step":
-                self._measure(order)
+                self._wizard = wizard.judge(self._wizard, self.steps.measure(order).problems)
             elif order.kind in ("drop_step", "drop_steps"):
-                self._drop([order.task] if order.task else list(self._measured), "redone" if order.task else "not used")
+                self.steps.drop(order.task)
             elif order.kind == "use_steps":
-                self._use()
+                self.steps.use()
             elif order.kind == "finish":
                 threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
 
@@ -332,7 +332,8 @@ class Station:
         """Strips are on each other's fingers: read so from now on, and in the recording from its beginning."""
         worn_on = {f: to.get(on, on) for f, on in {**{f: f for f in FINGERS}, **self.exchanged}.items()}
         self.exchanged = {f: on for f, on in worn_on.items() if f != on}
-        self._calibration, self._measured = None, {}
+        self._calibration = None
+        self.steps.forget()
         self.glove.exchange(self.exchanged, self.tracking.restart)
 
     def _drop_pose(self) -> None:
@@ -346,32 +347,10 @@ class Station:
         faulty = {f.sensor for f in self.tracking.findings if f.severity == "fault"}
         return calibration_quality.of_joints(self._calibration, faulty) if self._calibration else []
 
-    def _measure(self, order: Order) -> None:
-        """A step of the calibration was done: it is kept in the recording under its own name, and judged."""
-        self._drop([order.task], "redone")
-        piece = self.tracking.measure(order.task, order.onset, order.end)
+    def _number(self) -> int:
+        """Of an attempt that is kept, from 1 on."""
         self.attempt_numbers += 1
-        event_id, event = f"step-{self.attempt_numbers}", Event(order.onset, order.end - order.onset, order.task, {})
-        self.glove.keep_event(event_id, event)
-        self._measured[order.task] = (event_id, event, piece)
-        self._wizard = wizard.judge(self._wizard, piece.problems)
-
-    def _drop(self, steps: Sequence[str], outcome: str) -> None:
-        """Steps that are not to count: the recording says that they were done, and no more."""
-        for step in steps:
-            if step in self._measured:
-                event_id, event, _ = self._measured.pop(step)
-                self.glove.keep_event(event_id, replace(event, trial_type="annotation", details={"task_name": step, "outcome": outcome}))
-
-    def _use(self) -> None:
-        """Every pose from now on is combined with the steps that were done well."""
-        good = {step: piece for step, (_, _, piece) in self._measured.items() if not piece.problems}
-        self.tracking.pieces = {**self.tracking.pieces, **good}
-        self._measured.clear()
-
-    def piece(self, step: str | None) -> Piece | None:
-        """What a step of the calibration that goes on tells."""
-        return self._measured[step][2] if step in self._measured else None
+        return self.attempt_numbers
 
     def _keep(self, order: Order) -> None:
         self.attempt_numbers += 1

@@ -69,7 +69,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "wizard": told_of(wizard, facts),
         "glove": _glove(station, facts, problem),
         "calibration": _calibration(calibration, station.joints()),
-        "step_quality": _quality(station.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
+        "step_quality": _quality(station.steps.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
         "sensor_faults": station.faults if wizard.state is State.CHECKED else [],
         "protocol_faults": [{"reason": fault} for fault in station.setup.faults],
