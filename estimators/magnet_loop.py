@@ -49,6 +49,7 @@ AUDIBLE, LOUD = (
     1.0,
     3.0,
 )  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
+LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 MEMORY = 0.5  # s over which surprises are averaged
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
@@ -86,7 +87,7 @@ def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
 
 
 @inlined
-def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float) -> Array:
+def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float, dt: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
     start, lost = np.zeros(len(P)), P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
@@ -100,7 +101,7 @@ def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float)
     dx, C, cost = magnetic(s, x, P, start, mag, grown)
     out: Array = moved(x, dx)
     if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
-        out = without(s, x, P, mag)
+        out = without(s, x, P, mag, dt)
     else:
         put(C, P)
     return out
@@ -110,30 +111,45 @@ def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float)
 def told(s: Sizes, x: Array, P: Array, audible: float) -> bool:
     """Whether readings tell a place: known better than a share of its distance, for the dipole bends over what is not known and standard deviations
     from its slope would say nothing; and the magnet heard over what calibrations leave, which does not get less by waiting."""
+    nearest = distance(x)
+    loud = strength(x, nearest)
+    return bool(P[0, 0] + P[1, 1] + P[2, 2] < (STRAIGHT * nearest) ** 2 and loud**2 > audible**2 * (s.mag**2 + s.mag_left**2))
+
+
+@inlined
+def distance(x: Array) -> float:
+    """From the hand's sensor to the nearest magnetometer, m."""
     nearest, many = math.inf, magnetometers(x)
     for k in range(many):
         first, square = XM + 6 + 3 * (many + k), 0.0
         for i in range(3):
             square += (x[i] - x[first + i]) ** 2
         nearest = min(nearest, square)
-    moment = math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2)
-    heard = MU0_4PI * moment / nearest**1.5
-    return bool(P[0, 0] + P[1, 1] + P[2, 2] < STRAIGHT**2 * nearest and heard**2 > audible**2 * (s.mag**2 + s.mag_left**2))
+    return math.sqrt(nearest)
 
 
 @inlined
-def without(s: Sizes, x: Array, P: Array, mag: Array) -> Array:
-    """The update of a trunk whose magnet is out of reach, in place: the room's field alone. Gives the state; nothing where that does not fit either."""
+def strength(x: Array, away: float) -> float:
+    """Of the magnet's field beside it, T; on its axis it is twice that. (5.7)"""
+    return MU0_4PI * math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2) / max(away, 0.01) ** 3
+
+
+@inlined
+def without(s: Sizes, x: Array, P: Array, mag: Array, dt: float) -> Array:
+    """The update of a trunk whose magnet is out of reach, in place: the room's field alone, the magnet's an error that lasts `LASTS`: as white noise it
+    would soon be learnt as the room's field. Gives the state; nothing where that does not fit either."""
     H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
     missed, noise, dx, C = np.zeros(len(H)), np.zeros((len(H), len(H))), np.empty(len(P)), P.copy()
     for i in range(3):
         far[XM + i] = 0.0
+    single = s.mag**2 + s.mag_left**2
+    own = 4 * min(strength(x, distance(x)) ** 2, LOUD**2 * single) * max(1.0, LASTS / dt)  # louder, it would have been found
     for k in range(len(mag)):
         reads = seen(far, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
         for i in range(3):
             row = 3 * k + i
-            noise[row, row], missed[row] = s.mag**2 + s.mag_left**2, mag[k, i] - reads[i] if there else 0.0
+            noise[row, row], missed[row] = single + own, mag[k, i] - reads[i] if there else 0.0
             for j in range(len(P)):
                 H[row, j] = h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
     if correct(C, missed, H, noise, dx) > GATE * len(H):
@@ -274,7 +290,7 @@ def followed(
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
             if new < GATE or wide:
-                x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt))
+                x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since)
             if wide:  # before it was found nothing could be expected
                 new = surprise(s, x, P, mags[n])
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])

@@ -88,6 +88,17 @@ def test_out_of_reach_for_ten_seconds_and_back() -> None:
         assert ((off < 4 * sd) | track.doubtful)[away].all(), "what it does not know it does not say"
 
 
+def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
+    """Ten seconds at 35 cm, where its field is heard and not followed, then reaching: it had been learnt as the room's and led 75 mm astray."""
+    m = sim.condition("hand", np.random.default_rng(313), 12.0)
+    k = np.concatenate([np.zeros(600, int), np.arange(len(m.t))])
+    m = Motion(np.arange(len(k)) / 60.0, m.p[k], m.q[k], m.w[k], m.a[k])
+    track = tracking.tracked(PARAMS, *_made(m, 313))
+    off, late = _off(m, track), m.t > 15.0
+    assert np.sqrt((off[late] ** 2).mean()) < 0.025
+    assert (off < 4 * np.linalg.norm(track.p_sd, axis=1))[late].all()
+
+
 def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(both: tuple[Motion, Setup, Readings, Track]) -> None:
     """Told 15 % too weak, 8 deg amiss and 15 mm beside where it is, of which half a minute tells little."""
     _, setup, readings, _ = both
