@@ -26,7 +26,7 @@ from estimators.run import run
 from estimators.samples import Block, Recording
 from estimators.self_calibration import certainty, first_guess, recordings, segments, solver, steadiness
 from estimators.self_calibration.certainty import Certainty
-from estimators.self_calibration.problem import Noise, Readings, chain, columns, posed
+from estimators.self_calibration.problem import Noise, Problem, Readings, chain, columns, measured, posed
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
@@ -50,12 +50,6 @@ class Params(salchow.Params, Noise):
     )
     moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
     bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
-    mounting: float = option(
-        5.0,
-        "deg",
-        "how far a sensor may sit off its nominal mounting where no movement tells",
-        "Salchow-Hoemmen 2019, 5: 5 to 10 deg; size ours",
-    )
     length_guess: float = option(
         0.05,
         "1",
@@ -139,8 +133,9 @@ def _calibrated(
         raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; this finger is not calibrated") from None
     _require_movement(params, finger, read)
     guess = first_guess.unknowns(links, noise, read)
+    problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
     found = solver.learnt(
-        posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
+        problem,
         guess,
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
@@ -202,11 +197,27 @@ def _told(params: Params, finger: Finger) -> list[str]:
             said.append(
                 f"{joint} was bent by {extent:.0f} deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
             )
+    said += _doubted(found.problem)
     for segment, length in finger.segments.lengths.items():
         if not _known(params, finger, segment):
             sd = finger.segments.lengths_sd[segment]
             said.append(
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
+            )
+    return said
+
+
+def _doubted(problem: Problem) -> list[str]:
+    """What was given and is not so."""
+    said = []
+    for name, seat_sd, length, length_sd in zip(problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd):
+        if length_sd > 1e-3 * problem.noise.length:
+            said.append(
+                f"the length of {name} was given as {1e3 * length:.0f} mm, movement says otherwise by {1e3 * length_sd:.0f} mm: measure it again; what movement says is used"
+            )
+        if seat_sd > np.radians(problem.noise.mounting):
+            said.append(
+                f"the sensor of {name} sits {np.degrees(seat_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
             )
     return said
 

@@ -70,10 +70,14 @@ def factored(normal: Normal, damping: float = 0.0) -> Factor:
     if not sound[0]:
         raise np.linalg.LinAlgError("the readings do not tell the trajectory")
     flat = Y.reshape(-1, Y.shape[2])
-    schur = C - flat.T @ flat
-    scale = 1 / np.sqrt(np.abs(np.diag(schur)) + 1e-300)  # parameters of very different size: m, rad/s, rad
+    return Factor(L, Y, inverse(C - flat.T @ flat))
+
+
+def inverse(schur: Array) -> Array:
+    """Of a symmetric matrix (P, P) that is positive definite, of parameters of very different size: m, rad/s, rad."""
+    scale = 1 / np.sqrt(np.abs(np.diag(schur)) + 1e-300)
     root = np.linalg.inv(np.linalg.cholesky(0.5 * (schur + schur.T) * np.outer(scale, scale)))
-    return Factor(L, Y, root.T @ root * np.outer(scale, scale))
+    return np.asarray(root.T @ root * np.outer(scale, scale))
 
 
 def step(normal: Normal, factor: Factor) -> Step:

@@ -62,6 +62,20 @@ class Noise:
         "left after a strip's calibration, Salchow-Hoemmen 2019, 2.1; size ours. Sensors never calibrated: 0.03",
         least=1e-6,
     )
+    mounting: float = option(
+        5.0,
+        "deg",
+        "how far a sensor may sit off its nominal mounting; where a movement tells it to be off by more it counts for less",
+        "Salchow-Hoemmen 2019, 5: 5 to 10 deg; size ours",
+        least=1e-3,
+    )
+    length: float = option(
+        10.0,
+        "mm",
+        "how far the given lengths of segments may be off: as the hand of an average person's; 1 to 2 where they were measured",
+        "hand length of adults: SD 10 mm of 187, ANSUR (Gordon et al. 1989), and ratios; size ours",
+        least=1e-3,
+    )
     place: float = option(0.1, "m", "distance of a joint's centre from a sensor", "Kortier, thesis 4.3.1: 1; a hand's size")
     bone: float = option(
         0.5,
@@ -138,6 +152,9 @@ class Problem:
     bias_told: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
     bias_sd: float  # rad/s
     bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
+    seat_sd: Array  # (S,) rad, how far a sensor may sit off its nominal mounting
+    length: Array  # (S,) m, of segments as given; NaN where nothing is
+    length_sd: Array  # (S,) m
 
     def __len__(self) -> int:
         return len(self.acc)
@@ -220,7 +237,15 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Ha
         bias_told,
         bias_sd,
         np.zeros((len(readings), len(chain.joints))),
+        np.full(len(chain.sensors), np.radians(noise.mounting)),
+        np.full(len(chain.sensors), np.nan),
+        np.full(len(chain.sensors), 1e-3 * noise.length),
     )
+
+
+def measured(problem: Problem, lengths: Mapping[str, float]) -> Problem:
+    """The problem with lengths of segments given, m by segment."""
+    return replace(problem, length=np.array([lengths.get(s, np.nan) for s in problem.chain.sensors], float))
 
 
 def at_rest(noise: Noise, readings: Readings) -> tuple[Array, float]:

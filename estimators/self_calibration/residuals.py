@@ -13,7 +13,7 @@ import numpy as np
 from estimators import quaternions as quat
 from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
-from estimators.self_calibration.problem import Columns, Indices, Problem, Unknowns, columns, tangents
+from estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, columns, tangents
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
@@ -212,7 +212,68 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
         for off, slope in _framing(problem, at, c, h):
             r.append(np.array([off]))
             by.append(slope[None])
+    for told in (*seating(problem, at), *sizing(problem, at)):
+        r.append(told.off / told.sd)
+        by.append(told.by_parameters / told.sd)
     return np.concatenate(r), np.concatenate(by)
+
+
+@dataclass(frozen=True)
+class Told:
+    """How far what was known before is off here."""
+
+    sensor: int
+    off: Array  # (m,) rad, m
+    sd: float
+    by_parameters: Array  # (m, P)
+
+
+def seating(problem: Problem, at: Unknowns) -> list[Told]:
+    """Known mounting: hinges' axes and bones (3,) lie in their sensors as the nominal mounting has them, whichever way an axis points."""
+    chain, c, found = problem.chain, columns(problem.chain), []
+    for h, joint in enumerate(chain.hinges):
+        for s, axis, place in (
+            (int(chain.parents[joint]), at.axis_far[h], c.axis_far.start + 2 * h),
+            (int(chain.children[joint]), at.axis_near[h], c.axis_near.start + 2 * h),
+        ):
+            nominal = problem.flexing[s] * (1.0 if axis @ problem.flexing[s] >= 0 else -1.0)
+            slope = np.zeros((3, c.count))
+            slope[:, place : place + 2] = quat.skew(nominal) @ tangents(axis[None])[0]
+            found.append(Told(s, np.cross(nominal, axis), float(problem.seat_sd[s]), slope))
+    for s, b, a in bones(chain):
+        along = at.far[a] - at.near[b]
+        size = float(np.linalg.norm(along)) + 1e-12
+        unit = along / size
+        slope = np.zeros((3, c.count))
+        turned = quat.skew(problem.distal[s]) @ (np.eye(3) - np.outer(unit, unit)) / size
+        slope[:, c.far.start + 3 * a : c.far.start + 3 * a + 3] = turned
+        slope[:, c.near.start + 3 * b : c.near.start + 3 * b + 3] = -turned
+        found.append(Told(s, np.cross(problem.distal[s], unit), float(problem.seat_sd[s]), slope))
+    return found
+
+
+def sizing(problem: Problem, at: Unknowns) -> list[Told]:
+    """Known lengths: a segment's two joints lie as far apart as was measured (1,)."""
+    c, found = columns(problem.chain), []
+    for s, b, a in bones(problem.chain):
+        along = at.far[a] - at.near[b]
+        size = float(np.linalg.norm(along)) + 1e-12
+        slope = np.zeros((1, c.count))
+        slope[0, c.far.start + 3 * a : c.far.start + 3 * a + 3] = along / size
+        slope[0, c.near.start + 3 * b : c.near.start + 3 * b + 3] = -along / size
+        if np.isfinite(problem.length[s]):
+            found.append(Told(s, np.array([size - problem.length[s]]), float(problem.length_sd[s]), slope))
+    return found
+
+
+def bones(chain: Chain) -> list[tuple[int, int, int]]:
+    """Sensors of segments between two joints: row, joint before, joint behind."""
+    found = []
+    for s in range(len(chain.sensors)):
+        before, after = np.flatnonzero(chain.children == s), np.flatnonzero(chain.parents == s)
+        if len(before) == 1 and len(after) == 1:
+            found.append((s, int(before[0]), int(after[0])))
+    return found
 
 
 def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[float, Array]]:

@@ -7,7 +7,7 @@ Source  Kortier, thesis (4.7), (4.19); damping: Nielsen 1999, IMM-REP-1999-05; o
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,11 @@ from estimators.self_calibration.problem import Problem, Unknowns, bent, columns
 CHUNK = 1024  # samples whose derivatives are in memory at once
 GROSS = 10.0  # usual errors by which a first guess may be off
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
+UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted
 MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
 Outcome = Literal["converged", "not converged", "stopped"]
+P = TypeVar("P")
+X = TypeVar("X")
 
 
 @dataclass(frozen=True)
@@ -42,16 +45,51 @@ class Solution:
     factor: Factor  # of the normal equations there
 
 
+@dataclass(frozen=True)
+class Ground(Generic[P, X]):
+    """What the way down must know of a kind of problem P and of its places X."""
+
+    renewed: Callable[[P, X], P]  # the problem with what it believes of joints' bending as it is here
+    cost: Callable[[P, X], float]
+    sloped: Callable[[P, X], tuple[float, Callable[[float], X]]]  # cost, and where a step of some damping leads; LinAlgError where nowhere
+
+
+@dataclass(frozen=True)
+class Way(Generic[P, X]):
+    """How far down it went."""
+
+    problem: P
+    at: X
+    outcome: Outcome
+    costs: tuple[float, ...]
+
+
 def solve(
     problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
 ) -> Solution:
     """Go down from `start`; `go_on` hears iteration and cost after every step and stops it by saying no."""
+    way = down(Ground(bent, cost, _sloped), problem, start, limits, go_on)
+    return Solution(way.at, way.problem, way.outcome, way.costs, normal_equations.factored(built(way.problem, way.at)[0]))
+
+
+def _sloped(problem: Problem, at: Unknowns) -> tuple[float, Callable[[float], Unknowns]]:
+    normal, here = built(problem, at)
+
+    def stepped(damping: float) -> Unknowns:
+        step = normal_equations.step(normal, normal_equations.factored(normal, damping))
+        return moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
+
+    return here, stepped
+
+
+def down(ground: Ground[P, X], problem: P, start: X, limits: Limits, go_on: Callable[[int, float], bool]) -> Way[P, X]:
+    """Step by step to the minimum, of any kind of problem."""
     at, damping, growth = start, 1e-9, 2.0
-    costs: list[float] = [cost(problem, at)]
+    costs: list[float] = [ground.cost(problem, at)]
     outcome: Outcome = "not converged"
     for k in range(limits.iterations):
-        problem = bent(problem, at)
-        normal, costs[-1] = built(problem, at)
+        problem = ground.renewed(problem, at)
+        costs[-1], stepped = ground.sloped(problem, at)
         if (
             k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain
         ):  # joints are flexed as they were: what is left goes round in circles
@@ -59,9 +97,8 @@ def solve(
             break
         while True:
             try:
-                step = normal_equations.step(normal, normal_equations.factored(normal, damping))
-                there = moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
-                reached = cost(problem, there)
+                there = stepped(damping)
+                reached = ground.cost(problem, there)
             except np.linalg.LinAlgError:
                 reached = np.inf
             if reached < costs[-1] or damping > 1e8:
@@ -79,7 +116,7 @@ def solve(
         if not go_on(k + 1, reached):
             outcome = "stopped"
             break
-    return Solution(at, problem, outcome, tuple(costs), normal_equations.factored(built(problem, at)[0]))
+    return Way(problem, at, outcome, tuple(costs))
 
 
 def learnt(
@@ -92,7 +129,7 @@ def learnt(
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
-        doubted = _without_knocks(found.problem, found.at, limits.knock)
+        doubted = doubting(_without_knocks(found.problem, found.at, limits.knock), found.at)
         noise = posterior.learnt(doubted, found.at, found.factor)
         found = solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
     return found
@@ -102,6 +139,17 @@ def _without_knocks(problem: Problem, at: Unknowns, limit: float) -> Problem:
     """The problem with samples that are off by more than `limit` usual errors of their sensor trusted less."""
     off = posterior.strange(problem, at)
     return resized(problem, problem.noise, np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0))
+
+
+def doubting(problem: Problem, at: Unknowns) -> Problem:
+    """The problem with what was known before counting as uncertain as it was found to be off, where that is more than chance makes it."""
+    seat_sd, length_sd = problem.seat_sd.copy(), problem.length_sd.copy()
+    for told, sds in ((residuals.seating(problem, at), seat_sd), (residuals.sizing(problem, at), length_sd)):
+        for known in told:
+            off = float(np.linalg.norm(known.off))
+            if off > UNLIKELY * known.sd:
+                sds[known.sensor] = max(sds[known.sensor], off)
+    return replace(problem, seat_sd=seat_sd, length_sd=length_sd)
 
 
 def cost(problem: Problem, at: Unknowns) -> float:

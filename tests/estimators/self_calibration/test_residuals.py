@@ -8,7 +8,7 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
 from estimators.quaternions import Array
 from estimators.self_calibration import residuals
-from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, moved, posed, turned
+from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, measured, moved, posed, turned
 from estimators.simulation import artificial_finger
 from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import IDEAL
@@ -41,7 +41,8 @@ def _somewhere() -> tuple[Problem, Unknowns]:
         np.array([0.002]),
     )
     problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
-    return replace(problem, bent=rng.normal(size=(SAMPLES, J))), at
+    given = measured(problem, {"index_proximal": 0.04, "index_middle": 0.02})
+    return replace(given, bent=rng.normal(size=(SAMPLES, J))), at
 
 
 @pytest.mark.parametrize("kind", residuals.EVERY_SAMPLE, ids=lambda k: k.__name__)

@@ -1,0 +1,57 @@
+"""Lengths and mountings that were known before: they speak where movement does not, and give way where they are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators import quaternions as quat
+from estimators.quaternions import Array
+from estimators.self_calibration import segments, solver
+from estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
+from estimators.self_calibration.segments import Segments
+from estimators.simulation.artificial_finger import HINGES, SEGMENTS
+from estimators.simulation.scenario import Simulated
+from tests.estimators.self_calibration.fingers import cold, recorded
+
+MEASURED = Noise(length=0.2)  # mm
+
+
+def _quick() -> tuple[Problem, Unknowns]:
+    return cold(_short(), MEASURED)
+
+
+def _short() -> Simulated:
+    """3.5 s."""
+    made = recorded(1, 16.0)
+    return replace(made, samples={"imu": made.samples["imu"].between(2.5, 6.0)})
+
+
+def _segments(problem: Problem, guess: Unknowns) -> Segments:
+    return segments.of_solution(solver.learnt(problem, guess), "left", recorded(1, 16.0).mounting)
+
+
+def test_measured_lengths_make_a_short_recording_sure() -> None:
+    problem, guess = _quick()
+    told = _segments(measured(problem, dict.fromkeys(SEGMENTS, HINGES)), guess)
+    alone = _segments(problem, guess)
+    for name in SEGMENTS[1:3]:
+        assert told.lengths[name] == pytest.approx(HINGES, abs=0.5e-3)
+        assert told.lengths_sd[name] < 0.8 * alone.lengths_sd[name]
+
+
+def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_way() -> None:
+    """0.2 mm was said, it is 12 mm; sensors are said to sit within 5 deg, and sit 40 deg off."""
+    problem, guess = cold(recorded(1, 16.0), MEASURED)
+    wrong = measured(_mounted_otherwise(problem, quat.about(0, np.radians(40.0))), {SEGMENTS[1]: 0.042})
+    found = solver.learnt(wrong, guess)
+    told = segments.of_solution(found, "left", recorded(1, 16.0).mounting)
+    assert found.outcome == "converged"
+    assert found.problem.length_sd[1] > 0.008
+    assert (np.degrees(found.problem.seat_sd) > 25.0).sum() >= 3
+    for name in SEGMENTS[1:3]:
+        assert told.lengths[name] == pytest.approx(HINGES, rel=0.01)
+
+
+def _mounted_otherwise(problem: Problem, q: Array) -> Problem:
+    return replace(problem, flexing=quat.rotate(q, problem.flexing), distal=quat.rotate(q, problem.distal))
