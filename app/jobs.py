@@ -19,7 +19,7 @@ from app.working_process import DiedError, WorkingProcess
 from estimators.errors import InputError
 from sessions import results
 from sessions.results import ENDED
-from sessions.store import Store
+from sessions.store import Store, store_at
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -97,13 +97,11 @@ _store: Store | None = None  # of the working process; set once when it begins
 
 def _begin(folder: Path, url: str | None) -> None:
     global _store
-    from sessions.database import open_database
-
     with contextlib.suppress(ImportError):
         from threadpoolctl import threadpool_limits
 
         threadpool_limits(1)
-    _store = Store(folder, open_database(folder, url), url)
+    _store = store_at(folder, url)
 
 
 def _warm() -> None:

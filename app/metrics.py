@@ -55,6 +55,12 @@ def families(parts: "Parts") -> Iterator[Any]:
     yield GaugeMetricFamily("handscope_estimator_failures", "times that a live method failed and was started again, in the sessions that run", sum(s.tracking.failures for s in live))  # fmt: skip
     yield GaugeMetricFamily("handscope_pose_age_seconds", "age of the oldest of the newest poses, sampled to now", max(ages, default=0.0))
     yield GaugeMetricFamily("handscope_disk_free_bytes", "room on the disk of the data folder", free_bytes(parts.store.folder))
+    if parts.moving_out:
+        latest = parts.moving_out.latest
+        yield GaugeMetricFamily(
+            "handscope_object_storage_up", "whether the object storage could be used in the last round", 0 if latest.problem else 1
+        )
+        yield GaugeMetricFamily("handscope_files_waiting", "files that are still to go there, or to be removed there", latest.waiting)
     try:
         with parts.store.database() as db:
             counts = {row.state: row.n for row in db.execute(select(Result.state, func.count().label("n")).group_by(Result.state))}

@@ -15,8 +15,7 @@ from pathlib import Path
 from app.version import software_version
 from estimators.errors import InputError
 from sessions import patient_export
-from sessions.database import open_database
-from sessions.store import Store
+from sessions.store import Store, store_at
 
 PIECE = 2**16
 
@@ -39,8 +38,7 @@ def exported(store: Store, patient_id: int) -> Iterator[bytes]:
 
 def main() -> int:
     order = json.load(sys.stdin)
-    folder = Path(order["folder"])
-    store = Store(folder, open_database(folder, order["url"]), order["url"])
+    store = store_at(Path(order["folder"]), order["url"])
     with contextlib.suppress(BrokenPipeError), store.database() as db:
         patient_export.write(db, store, order["patient"], software_version(), sys.stdout.buffer)
         sys.stdout.buffer.flush()

@@ -32,7 +32,7 @@ from estimators.processing import Processed, process
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.trajectory import Trajectory
-from sessions import corrections, derivative, records, self_calibrations
+from sessions import corrections, derivative, kept_files, records, self_calibrations
 from sessions.full_disk import FULL, is_full
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
@@ -55,7 +55,7 @@ def make(store: Store, result_id: int) -> None:
             _settle(db, store, result)
         except StaleDataError:
             db.rollback()
-            for file in store.result_files(result_id):
+            for file in (replay_file(result_id), report_file(result_id)):
                 store.path_of(file).unlink(missing_ok=True)
 
 
@@ -162,7 +162,7 @@ def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
 
 def load_replay(store: Store, result: Result) -> dict[str, Any]:
     """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags; made anew where its file is gone."""
-    path = store.path_of(replay_file(result.id))
+    path = kept_files.at_hand(store, replay_file(result.id))
     if not path.exists():
         save_replay(store, result.id, computed(store, result)[1].trajectory)
     return _read(path, path.stat().st_mtime_ns)
@@ -184,7 +184,7 @@ def save_report(store: Store, result: Result, recording: LoadedRecording, proces
 
 def load_report(store: Store, result: Result) -> Content:
     """What a report says of the recording, of nobody's visit; made anew where its file is gone or of another form."""
-    path = store.path_of(report_file(result.id))
+    path = kept_files.at_hand(store, report_file(result.id))
     if path.exists() and (said := unpacked(path.read_bytes())) is not None:
         return said
     recording, processed = computed(store, result)

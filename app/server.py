@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, nullcontext
 from typing import Any
 
 import anyio.to_thread
@@ -33,6 +33,7 @@ from app.api.state import Parts
 from app.jobs import Jobs
 from app.live.station import Station
 from app.live.stations import Stations
+from app.moving_out import MovingOut
 from app.settings import Settings
 from app.version import software_version
 from estimators.errors import InputError
@@ -54,12 +55,17 @@ def create_app(settings: Settings) -> FastAPI:
         log.warning("%s. This task is not offered, the others are.", fault)
     for fault in language.faults():
         log.warning("%s. This language is not offered, the others are.", fault)
-    store = open_store(settings.data, settings.database_url)
+    store = open_store(settings.data, settings.database_url, settings.recordings)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with Jobs(store) as jobs, Stations(lambda station: _finished(app.state.parts, station)) as open_stations:
-            app.state.parts = Parts(settings, store, jobs, open_stations)
+        moving_out = MovingOut(store, settings.cache_bytes) if store.away else None
+        with (
+            moving_out or nullcontext(),
+            Jobs(store) as jobs,
+            Stations(lambda station: _finished(app.state.parts, station)) as open_stations,
+        ):
+            app.state.parts = Parts(settings, store, jobs, open_stations, moving_out)
             await anyio.to_thread.run_sync(_recover, app.state.parts)
             with _measured(app.state.parts):
                 yield

@@ -1,11 +1,13 @@
 """Everything in the data folder as one checked file, made while the server runs, and back into an empty folder.
 
 A backup is a zip: `database.jsonl` (all rows at one moment, sessions/database_dump.py), the files of the data folder as they stood (recordings whose
-session was not finished end where they were then), `manifest.json` with size and SHA-256 of each. One-time codes and logins are not in it.
+session was not finished end where they were then) and of its object storage, `manifest.json` with size and SHA-256 of each. One-time codes and logins
+are not in it, nor where the object storage is: what is restored lies in the new folder.
 """
 
 import contextlib
 import hashlib
+import itertools
 import json
 import os
 import shutil
@@ -22,14 +24,16 @@ from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from estimators.errors import InputError
-from sessions import database_dump
+from sessions import database_dump, object_storage
 from sessions.database import FILE, RESTORING, connected, place_of
+from sessions.object_storage import MARK, ObjectStorage, attached
+from sessions.store import CACHE
 from sessions.tables import now
 
 FORMAT = "handscope backup"
 FORMAT_VERSION = 1
 DATABASE, MANIFEST = "database.jsonl", "manifest.json"
-PASSING = ("incoming", "tokens", "address", FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", RESTORING)
+PASSING = ("incoming", "tokens", "address", CACHE, MARK, FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", RESTORING)
 DAMAGED = (
     zipfile.BadZipFile,
     zlib.error,
@@ -140,10 +144,10 @@ def _archived(engine: Engine, folder: Path, software: str, out: IO[bytes]) -> tu
         with _snapshot(engine) as connection:
             recordings = _recordings(connection)
             _put(archive, made, DATABASE, database_dump.dump(connection), zipfile.ZIP_DEFLATED)
-        for name in sorted({*recordings, *_others(folder)}):
+        away = _answering(folder, made)
+        for name in sorted({*recordings, *_others(folder), *_moved_out(away)}):
             try:
-                with (folder / name).open("rb") as file:
-                    _put(archive, made, name, _pieces(file), zipfile.ZIP_STORED)
+                _put(archive, made, name, _kept(folder, away, name), zipfile.ZIP_STORED)
             except FileNotFoundError:
                 if name in recordings and recordings[name] is not None:
                     made.problems.append(f"{name} is missing in the data folder")
@@ -188,12 +192,41 @@ def _others(folder: Path) -> Iterator[str]:
             yield name.as_posix()
 
 
+def _answering(folder: Path, made: Made) -> ObjectStorage | None:
+    """The object storage, where there is one; one that does not answer is a problem of the backup."""
+    away = attached(folder)
+    try:
+        if away is not None:
+            object_storage.require(away)
+    except InputError as problem:
+        made.problems.append(str(problem))
+        return None
+    return away
+
+
+def _moved_out(away: ObjectStorage | None) -> list[str]:
+    """Results that were moved into the object storage."""
+    return object_storage.names(away, "results") if away else []
+
+
+def _kept(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes]:
+    """A file's bytes from where it is: it may leave the folder for its cache, and that for good, at any moment."""
+    for place in (folder, folder / CACHE):
+        with contextlib.suppress(FileNotFoundError), (place / name).open("rb") as file:
+            yield from _pieces(file)
+            return
+    if away is None:
+        raise FileNotFoundError(name)
+    yield from object_storage.pieces(away, name)
+
+
 def _put(archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes], how: int) -> None:
     entry = zipfile.ZipInfo(name, time.gmtime()[:6])
     entry.compress_type, entry.external_attr = how, 0o600 << 16
-    total, size = hashlib.sha256(), 0
+    total, size, each = hashlib.sha256(), 0, iter(pieces)
+    first = next(each, b"")  # what is not there is no entry
     with archive.open(entry, "w", force_zip64=True) as file:
-        for piece in pieces:
+        for piece in itertools.chain([first], each):
             file.write(piece)
             total.update(piece)
             size += len(piece)

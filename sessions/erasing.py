@@ -1,14 +1,14 @@
 """Erase a patient for good: rows, recordings, results and files. What stays is a line that says that something was erased, not whose it was.
 
-Rows and the list of files go in one transaction, then the files: a power cut in between is finished by the next start. SQLite overwrites what it
-deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
+Rows and the list of files go in one transaction, then the files: a power cut in between is finished by the next start. Files in an object storage,
+which must answer, go with its next round. SQLite overwrites what it deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
 """
 
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, selectinload
 
 from estimators.errors import InputError
-from sessions import audit, patients
+from sessions import audit, kept_files, object_storage, patients
 from sessions.store import Store, remove_erased
 from sessions.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
 
@@ -22,8 +22,10 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
     recordings = [f for s in sessions for f in s.recordings]
     results = [r for f in recordings for r in f.results]
     _require_rest(patient, sessions, results)
-    files = {f.file for f in recordings} | {name for r in results for name in store.result_files(r.id)}
-    paths = [path for file in files if (path := store.path_of(file)).exists()]
+    if store.away is not None:
+        object_storage.require(store.away)
+    files = {f.file for f in recordings} | {name for r in results for name in kept_files.files_of_result(store, r.id)}
+    paths = [path for file in files for path in (store.path_of(file), store.cached(file)) if path.exists()]
     counts = {
         "sessions": len(sessions),
         "recordings": len(recordings),

@@ -18,7 +18,7 @@ from typing import IO, Any
 from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
-from sessions import patients, records
+from sessions import kept_files, patients, records
 from sessions.motion_bids import writer
 from sessions.number_table import pieces
 from sessions.store import Store
@@ -86,10 +86,12 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
         _json({**_row(session), "reuses": [_row(r) for r in session.reuses], "recordings": [_recording(f) for f in session.recordings]}),
     )
     for file in session.recordings:
-        path = store.path_of(file.file)
-        name = f"{folder}/recording-{file.id}{path.suffix}"
+        name = f"{folder}/recording-{file.id}{Path(file.file).suffix}"
         try:
-            total = archive.put(name, _pieces(path))
+            total = archive.put(name, _pieces(kept_files.at_hand(store, file.file)))
+        except InputError as problem:
+            yield f"{name}: {problem}"
+            continue
         except OSError as problem:
             yield f"{name}: the recording could not be read from the disk: {problem.strerror}"
             continue
@@ -99,8 +101,8 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
             yield from _motion_bids(archive, store, file, f"{folder}/motion-bids-{file.id}")
         for result in file.results:
             archive.put(f"{folder}/result-{result.id}-{result.method}.json", _json(_row(result)))
-            for kept in store.result_files(result.id):
-                archive.put(f"{folder}/result-{Path(kept).name}", _pieces(store.path_of(kept)))
+            for kept in kept_files.files_of_result(store, result.id):
+                archive.put(f"{folder}/result-{Path(kept).name}", _pieces(kept_files.at_hand(store, kept)))
 
 
 def _motion_bids(archive: _Archive, store: Store, file: RecordingFile, folder: str) -> Iterator[str]:

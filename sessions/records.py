@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized, table_of
-from sessions import formats, native
+from sessions import formats, kept_files, native
 from sessions.recorder import being_written
 from sessions.recording import LoadedRecording
 from sessions.store import Store
@@ -89,7 +89,7 @@ def get(db: Session, session_id: int) -> PatientSession:
 def opened(store: Store, file: RecordingFile) -> LoadedRecording:
     """A kept recording with its session's hand and geometry."""
     session = file.session
-    recording = formats.load(store.path_of(file.file), hand_of(session.hand))
+    recording = formats.load(kept_files.at_hand(store, file.file, file.sha256), hand_of(session.hand))
     if not session.geometry:
         return recording
     return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))

@@ -10,10 +10,13 @@ from sqlalchemy import select, text
 from sqlalchemy.orm import Session, sessionmaker
 
 from estimators.errors import InputError
-from sessions import notes, repeatability
+from sessions import notes, object_storage, repeatability
 from sessions.database import RESTORING, open_database
+from sessions.object_storage import ObjectStorage
 from sessions.tables import ErasedFile
 
+CACHE = "cache"  # of files that are in the object storage
+AWAY = "away:"  # begins the name of an erased file that is still to be removed from the object storage
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
 
 
@@ -24,6 +27,7 @@ class Store:
     folder: Path
     database: sessionmaker[Session]
     url: str | None = None
+    away: ObjectStorage | None = None  # where closed files are moved (sessions/kept_files.py); None keeps them in the folder
 
     @property
     def recordings(self) -> Path:
@@ -38,15 +42,15 @@ class Store:
         self.database.kw["bind"].dispose()
 
     def path_of(self, file: str) -> Path:
-        """A kept file by its name in the database; nothing outside the folder."""
+        """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: kept_files.at_hand."""
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder.resolve()):
             raise InputError(f"{file!r} lies outside the data folder")
         return path
 
-    def result_files(self, result_id: int) -> list[str]:
-        """Names of the files that are kept of a result: `results/7.npz` and whatever else begins like that."""
-        return sorted(path.relative_to(self.folder).as_posix() for path in (self.folder / "results").glob(f"{result_id}.*"))
+    def cached(self, file: str) -> Path:
+        """Where the copy of a file lies that is in the object storage."""
+        return self.path_of(f"{CACHE}/{self.path_of(file).relative_to(self.folder.resolve())}")
 
     def new_recording(self, suffix: str) -> str:
         """A name for a new recording, relative to the folder; InputError where the disk has no room."""
@@ -67,8 +71,16 @@ def free_bytes(folder: Path) -> int:
     return shutil.disk_usage(folder).free
 
 
-def open_store(folder: Path, url: str | None = None) -> Store:
-    """Open the data folder, made when it is not there; files half-written by an earlier run are removed."""
+def store_at(folder: Path, url: str | None = None) -> Store:
+    """The store of a data folder that another process opened; nothing is tidied up."""
+    return Store(folder, open_database(folder, url), url, object_storage.attached(folder))
+
+
+def open_store(folder: Path, url: str | None = None, recordings: str | None = None) -> Store:
+    """Open the data folder, made when it is not there; files half-written by an earlier run are removed.
+
+    `recordings` is the URL of an object storage that closed files are moved to from now on; None leaves that as it is.
+    """
     try:
         for place in (folder, folder / "recordings", folder / "incoming"):
             place.mkdir(parents=True, exist_ok=True)
@@ -78,20 +90,31 @@ def open_store(folder: Path, url: str | None = None) -> Store:
         raise InputError(f"a backup was being restored into {folder} and that did not end; empty the folder and restore again")
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
-    database = open_database(folder, url)
-    repeatability.fill(database)
-    store = Store(folder, database, url)
-    with database() as db:
+    if recordings is not None:
+        object_storage.attach(folder, recordings)
+    store = store_at(folder, url)
+    repeatability.fill(store.database)
+    with store.database() as db:
         notes.purge(db)
         remove_erased(db, store)
     return store
 
 
 def remove_erased(db: Session, store: Store, files: Collection[str] | None = None) -> None:
-    """Remove these files, or all, whose rows were erased (sessions/erasing.py) or never kept, and what the database's log still holds of those."""
-    left = [erased for erased in db.scalars(select(ErasedFile)) if files is None or erased.file in files]
+    """Remove these files, or all, whose rows were erased (sessions/erasing.py) or never kept, and what the database's log still holds of those.
+
+    What may be in the object storage is removed there by the next round of kept_files.move_out.
+    """
+    left = [
+        erased
+        for erased in db.scalars(select(ErasedFile).where(~ErasedFile.file.startswith(AWAY)))
+        if files is None or erased.file in files
+    ]
     for erased in left:
         store.path_of(erased.file).unlink(missing_ok=True)
+        if store.away is not None:
+            store.cached(erased.file).unlink(missing_ok=True)
+            db.merge(ErasedFile(file=AWAY + erased.file))
         db.delete(erased)
     db.commit()
     if left and db.get_bind().dialect.name == "sqlite":

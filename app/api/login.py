@@ -75,14 +75,18 @@ def _refused(db: Db, token: str) -> None:
 
 @router.get("/health")
 def health(parts: PartsDep, response: Response) -> dict[str, Any]:
-    """For whoever watches over the server: 503 where it cannot work."""
+    """For whoever watches over the server: 503 where it cannot work. Without its object storage it records on: that is told, a restart would not mend it."""
     status = "ok"
     try:
         with parts.store.database() as db:
             db.execute(select(1))
     except DBAPIError:
         response.status_code, status = 503, "the database does not answer"
-    return {"status": status, "version": software_version()}
+    told: dict[str, Any] = {"status": status, "version": software_version()}
+    if parts.moving_out:
+        latest = parts.moving_out.latest
+        told["object_storage"] = {"status": "cannot be used" if latest.problem else "ok", "files_waiting": latest.waiting}
+    return told
 
 
 @router.get("/openapi.json", include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])

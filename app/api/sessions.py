@@ -20,7 +20,7 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.methods import ALL_METHODS
 from estimators.options import describe
-from sessions import corrections, dates, native, patients, records, results, visit_facts
+from sessions import corrections, dates, kept_files, native, patients, records, results, visit_facts
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
@@ -180,7 +180,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
     """The recording as it was kept, byte for byte."""
     file = _closed(db, recording_id)
-    path = parts.store.path_of(file.file)
+    path = kept_files.at_hand(parts.store, file.file, file.sha256)
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
 
 

@@ -14,6 +14,7 @@ from app.jobs import Jobs
 from app.language import Language
 from app.live.replay import Replay
 from app.live.stations import AnyStation, Stations
+from app.moving_out import MovingOut
 from app.settings import Settings
 from estimators.errors import InputError
 from sessions import audit
@@ -26,6 +27,7 @@ class Parts:
     store: Store
     jobs: Jobs
     stations: Stations
+    moving_out: MovingOut | None  # where an object storage is attached
 
 
 def parts(connection: HTTPConnection) -> Parts:

@@ -25,6 +25,7 @@ from sessions.logins import new_token
 DEFAULT_PORT = 8420
 FOLDER = "handscope-data"  # in the user's home
 IDLE, LONGEST = 4.0, 24.0  # h of a login
+CACHE = 20.0  # GB
 
 
 def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
@@ -36,6 +37,15 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         default=database_url(),
         metavar="URL",
         help="SQLAlchemy URL of the database (HANDSCOPE_DATABASE, or SQLite in the data folder)",
+    )
+    parser.add_argument(
+        "--recordings",
+        default=os.environ.get("HANDSCOPE_RECORDINGS") or None,
+        metavar="URL",
+        help="object storage that closed recordings are moved to (HANDSCOPE_RECORDINGS): s3://bucket/folder; asked for once, kept in the data folder",
+    )
+    parser.add_argument(
+        "--cache", type=_gigabytes, default=CACHE, metavar="GB", help="most of what is there that this disk keeps as well (%(default)s)"
     )
     parser.add_argument(
         "--metrics", type=_place, metavar="[HOST:]PORT", help="figures for Prometheus, without a login (loopback unless told otherwise)"
@@ -102,6 +112,13 @@ def _hours(word: str) -> float:
     return hours
 
 
+def _gigabytes(word: str) -> float:
+    size = float(word)
+    if not 0 <= size < 1e6:
+        raise ValueError
+    return size
+
+
 def database_url() -> str | None:
     """The database where nobody says: HANDSCOPE_DATABASE (a password on the command line is seen by every user of the machine), or none."""
     return os.environ.get("HANDSCOPE_DATABASE") or None
@@ -115,6 +132,8 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         host=arguments.host,
         port=arguments.port,
         database_url=arguments.database,
+        recordings=arguments.recordings,
+        cache_bytes=round(1e9 * arguments.cache),
         hosts=tuple(arguments.name),
         demo_ports=demo_ports,
         metrics=arguments.metrics,
