@@ -10,6 +10,7 @@ import numpy as np
 
 from app.kept_curves import Step, at_other
 from app.live.curve import Curve
+from app.live.viewers import Viewers
 from app.scene.hand_scene import HandScene
 from estimators.errors import InputError
 from estimators.hand_anatomy import ANGLES, CHAINS, FINGERS, JOINTS, Hand
@@ -60,7 +61,7 @@ class Replay:
         self.used = time.monotonic()
         self._movement = movement
         self._lock = threading.Lock()
-        self._viewers: list[Callable[[], object]] = []
+        self._viewers = Viewers()
         self._stop = threading.Event()
 
     def __enter__(self) -> "Replay":
@@ -77,7 +78,7 @@ class Replay:
         self._stop.set()
         self._thread.join(5.0)
         self.scene.close()
-        self._notify()
+        self._viewers.notify()
 
     @property
     def ended(self) -> bool:
@@ -109,7 +110,7 @@ class Replay:
             else:
                 raise InputError(f"there is no action {what!r} with value {value}; actions are play, pause, seek and speed")
             self._draw()
-        self._notify()
+        self._viewers.notify()
 
     def snapshot(self) -> dict[str, Any]:
         first, last = self.span
@@ -138,9 +139,9 @@ class Replay:
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
         """As a live station's."""
-        self._viewers.append(notice)
+        leave = self._viewers.add(notice)
         notice()
-        return lambda: self._viewers.remove(notice)
+        return leave
 
     def _run(self) -> None:
         before = time.monotonic()
@@ -153,7 +154,7 @@ class Replay:
                 self.t = min(self.t + passed * self.speed, self.span[1])
                 self.playing = self.t < self.span[1]
                 self._draw()
-            self._notify()
+            self._viewers.notify()
 
     def _draw(self) -> None:
         k = _row(self._movement, self.t)
@@ -165,10 +166,6 @@ class Replay:
     def _draw_beside(self, other: Beside, k: int) -> None:
         angles, q_GH = (other.movement[name][k].astype(float) for name in ("angles", "q_GH"))
         self.scene.show_beside(angles, q_GH, self._measured_beside)
-
-    def _notify(self) -> None:
-        for notice in list(self._viewers):
-            notice()
 
 
 def _row(movement: dict[str, Array], t: float) -> int:

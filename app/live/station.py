@@ -24,6 +24,7 @@ from app.live.measured_steps import MeasuredSteps
 from app.live.moving_finger import MOVES, bends
 from app.live.telling import beat, tell
 from app.live.tracking import Tracking
+from app.live.viewers import Viewers
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.protocols import Protocol
 from app.scene.hand_scene import HandScene
@@ -87,7 +88,7 @@ class Station:
         self._lock = threading.RLock()
         self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps)
         self._calibration: Calibration | None = None
-        self._viewers: list[Callable[[], object]] = []
+        self._viewers = Viewers()
         self._stop = threading.Event()
         self._problem = ""
         self._replaced = 0  # times that another glove had been plugged in when the newest calibration was made
@@ -121,7 +122,7 @@ class Station:
         self.glove.__exit__(None, None, None)
         self.tracking.__exit__()
         self.scene.close()
-        self._notify()
+        self._viewers.notify()
 
     @property
     def ended(self) -> bool:
@@ -140,7 +141,7 @@ class Station:
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
-        self._notify()
+        self._viewers.notify()
 
     def snapshot(self) -> dict[str, Any]:
         """Where the session stands, for a page."""
@@ -153,14 +154,7 @@ class Station:
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
         """Have `notice` called (from any thread) whenever there is something new; gives back how to stop that."""
-        with self._lock:
-            self._viewers.append(notice)
-
-        def leave() -> None:
-            with self._lock:
-                self._viewers.remove(notice)
-
-        return leave
+        return self._viewers.add(notice)
 
     def _run(self) -> None:
         while not self._stop.wait(TICK):
@@ -175,7 +169,7 @@ class Station:
                         self._draw_hand()
             except Exception:  # one bad tick must not end a session that records
                 log.exception("station %s", self.name)
-            self._notify()
+            self._viewers.notify()
 
     def _posed(self, rows: Trajectory) -> None:
         """In the tracker's thread: draw the newest pose, remember the curve."""
@@ -183,7 +177,7 @@ class Station:
         if time.monotonic() - self._drawn >= DRAWN:
             self._draw_hand()
         self.curve.add(rows)
-        self._notify()
+        self._viewers.notify()
 
     def _draw_hand(self) -> None:
         """The newest pose; a tick draws the last one, which no other follows."""
@@ -300,7 +294,7 @@ class Station:
                 poor = sum(j.grade == "poor" for j in self.joints())
                 self._wizard, orders = wizard.posed(self._wizard, facts, poor, self.tracking.swapped())
                 self._do(orders, facts)
-        self._notify()
+        self._viewers.notify()
 
     def _keep_pose(self, pose: Pose) -> None:
         self.attempt_numbers += 1
@@ -326,7 +320,7 @@ class Station:
     def _look(self) -> None:
         """In a thread of its own: sensors that stood still while others moved."""
         self.faults = [f.said for f in self.tracking.faults()]
-        self._notify()
+        self._viewers.notify()
 
     def _exchange(self, to: Mapping[str, str]) -> None:
         """Strips are on each other's fingers: read so from now on, and in the recording from its beginning."""
@@ -367,7 +361,3 @@ class Station:
         self.scene.highlight(facts.restless if checking else None)
         if w.state in (State.CONNECT, State.CHECK, State.CHECKED):
             self.scene.measured([f for f in FINGERS if set(CHAINS[f]) <= facts.measured])
-
-    def _notify(self) -> None:
-        for notice in list(self._viewers):
-            notice()
