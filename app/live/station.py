@@ -10,9 +10,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from types import ModuleType
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,19 +20,19 @@ from app.live import ghost, kept_trials, wizard
 from app.live.curve import Curve
 from app.live.measured_steps import MeasuredSteps
 from app.live.moving_finger import MOVES, bends
+from app.live.setup import Setup
 from app.live.telling import beat, tell
 from app.live.tracking import Tracking
 from app.live.viewers import Viewers
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
-from app.protocols import Protocol
 from app.scene.hand_scene import HandScene
 from app.version import software_version
 from estimators import calibration_quality
 from estimators.calibration import Calibration
 from estimators.calibration_quality import JointQuality
 from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, Hand
-from estimators.hand_geometry import HandGeometry, table_of
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from estimators.hand_geometry import table_of
 from estimators.initial_pose import DEG, THERAPIST, Pose
 from estimators.quaternions import Array
 from estimators.samples import FORCE, Event
@@ -50,24 +48,6 @@ FLOWING = 0.5  # s without a sample that count as silence
 FINGER_LEAD = 2.5  # s in which the finger before has come to rest
 WIGGLE = 10.0  # s that bending one finger after the other takes
 THUMB = (POSE_THUMB[0] * DEG, POSE_THUMB[1] * DEG, POSE_THUMB[2] * DEG)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Setup:
-    """What a station is opened with."""
-
-    session: int
-    hand: Hand
-    geometry: HandGeometry
-    port: str
-    recording: Path
-    method_name: str
-    method: ModuleType
-    params: Any
-    protocols: tuple[Protocol, ...]
-    faults: tuple[str, ...] = ()  # of protocol files: those tasks are not offered
-    steps: tuple[Protocol, ...] = ()  # of a functional calibration
-    about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
 
 
 class Station:

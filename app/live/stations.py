@@ -10,7 +10,8 @@ from typing import Any
 
 from app.kept_curves import in_step
 from app.live.replay import Beside, Replay
-from app.live.station import Setup, Station
+from app.live.setup import Setup
+from app.live.station import Station
 from app.options import with_options
 from app.protocols import load_steps, offered
 from app.results import load_replay

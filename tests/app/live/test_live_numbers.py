@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.live.curve import LENGTH
-from app.live.station import Setup, Station
+from app.live.setup import Setup
+from app.live.station import Station
 from app.live.wizard import State
 from app.protocols import load_all
 from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS
