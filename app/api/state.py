@@ -1,7 +1,7 @@
 """What routes reach: the server's parts, made once by `create_app` and kept on the application."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from fastapi import Depends, Query
@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
 from app import language as languages
+from app.api.bulletins import Bulletins
 from app.api.roles import Who, on_behalf_of, who
 from app.jobs import Jobs
 from app.language import Language
@@ -28,6 +29,7 @@ class Parts:
     jobs: Jobs
     stations: Stations
     moving_out: MovingOut | None  # where an object storage is attached
+    bulletins: Bulletins = field(default_factory=Bulletins)
 
 
 def parts(connection: HTTPConnection) -> Parts:

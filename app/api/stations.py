@@ -1,7 +1,6 @@
 """/api/stations: live sessions and replays as they run; /api/gloves: where gloves may be plugged in"""
 
 import asyncio
-import time
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,9 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
+from app.api.bulletins import PULSE, spoken, until_next
 from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from app.api.state import LanguageDep, PartsDep, StationDep, station_of, visible
+from app.api.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
 from app.devices import ports
 from app.language import Language
 from app.live.replay import Replay
@@ -19,20 +19,7 @@ from estimators.errors import InputError
 
 router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])
 WATCHERS = may(CLINICIAN, SCIENTIST)  # of replays, scientists too
-PULSE = 1 / 60  # s, least time between two messages to a viewer
-FULL = 0.1  # s between two whole snapshots to a viewer
-SPOKEN = (
-    "title",
-    "instruction",
-    "message",
-    "problem",
-    "say",
-    "word",
-    "words",
-    "next",
-    "reason",
-    "hint",
-)  # keys of texts that stations tell in English
+LOOK = 1.0  # s between two looks at whether a viewer is there, while nothing is new
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
@@ -84,50 +71,50 @@ def close_station(parts: PartsDep, who: WhoDep, name: str) -> None:
 
 def told(station: AnyStation, language: Language) -> dict[str, Any]:
     """Where the station stands, in a language."""
-    found: dict[str, Any] = language.told(station.snapshot(), SPOKEN)
-    return found
+    return spoken(station.snapshot(), language)
 
 
 @router.websocket("/stations/{name}/live", dependencies=[WATCHERS])
 async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
-    """JSON messages: {"full": snapshot} ten times a second, {"pulse": newest pose and curve points} with every pose."""
+    """JSON messages: {"full": snapshot} when there is a new one, {"pulse": newest pose and curve points} with every pose."""
     await websocket.accept()
     try:
         station = station_of(websocket, name)
     except InputError:
         await websocket.close(NO_SUCH, "no such station")
         return
-    news, loop = asyncio.Event(), asyncio.get_running_loop()
-    leave = station.watch(lambda: None if news.is_set() else loop.call_soon_threadsafe(news.set))
     reader = asyncio.ensure_future(_until_gone(websocket))
     try:
-        await _tell(websocket, station, language, news, reader)
+        await _tell(websocket, station, language, reader)
     except (WebSocketDisconnect, RuntimeError):
         pass  # the viewer closed the page
     finally:
         reader.cancel()
-        leave()
 
 
-async def _tell(websocket: WebSocket, station: AnyStation, language: Language, news: asyncio.Event, reader: "asyncio.Future[None]") -> None:
-    told_full, told_pulse, newest = -1.0, -1.0, -1e9
-    while not reader.done():
-        try:
-            await asyncio.wait_for(news.wait(), 1.0)
-        except TimeoutError:
-            continue
-        await asyncio.sleep(max(0.0, PULSE - (time.monotonic() - told_pulse)))
-        news.clear()
-        now = time.monotonic()
-        message: dict[str, Any] = {"pulse": station.pulse(newest)}
-        newest = message["pulse"]["points"][-1][0] if message["pulse"]["points"] else newest
-        if now - told_full >= FULL or station.ended:
-            message["full"], told_full = told(station, language), now
-        told_pulse = now
-        await websocket.send_json(message)
-        if station.ended:
-            await websocket.close(GONE, "the station was closed")
-            return
+async def _tell(websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]") -> None:
+    """At most one message in each PULSE, and that with a pose that just came; a viewer who is slow misses poses, none of the curve's points."""
+    bulletin = parts(websocket).bulletins.of(station, language)
+    number, newest = None, -1e9
+    with bulletin.news(station) as news:
+        while not reader.done():
+            missed = news.is_set()
+            news.clear()
+            try:
+                async with asyncio.timeout(PULSE if missed else LOOK):
+                    await news.wait()
+            except TimeoutError:
+                if not missed:
+                    continue
+            news.clear()
+            pulse, newest = bulletin.beat(station, newest)
+            before, (number, full) = number, bulletin.snapshot(station, language)
+            whole = f',"full":{full}' if number != before else ""
+            await websocket.send_text(f'{{"pulse":{pulse}{whole}}}')
+            if station.ended:
+                await websocket.close(GONE, "the station was closed")
+                return
+            await asyncio.sleep(until_next())
 
 
 async def _until_gone(websocket: WebSocket) -> None:

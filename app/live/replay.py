@@ -18,6 +18,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 
 TICK = 1 / 60  # s
+TOLD = 0.1  # s between two snapshots for viewers while it plays
 SPEEDS = (0.1, 4.0)
 ABOUT_TO = 5.0  # s that a page gets to come and watch
 
@@ -62,6 +63,7 @@ class Replay:
         self._movement = movement
         self._lock = threading.Lock()
         self._viewers = Viewers()
+        self._number = 0  # of the newest snapshot
         self._stop = threading.Event()
 
     def __enter__(self) -> "Replay":
@@ -77,6 +79,7 @@ class Replay:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join(5.0)
+        self._number += 1
         self.scene.close()
         self._viewers.notify()
 
@@ -110,6 +113,7 @@ class Replay:
             else:
                 raise InputError(f"there is no action {what!r} with value {value}; actions are play, pause, seek and speed")
             self._draw()
+            self._number += 1
         self._viewers.notify()
 
     def snapshot(self) -> dict[str, Any]:
@@ -127,6 +131,15 @@ class Replay:
             "ended": self.ended,
         }
 
+    def news(self) -> tuple[int, dict[str, Any]]:
+        """The snapshot with its number: another one after each action, and now and then while it plays."""
+        return self._number, self.snapshot()
+
+    @property
+    def changes(self) -> int:
+        """Another number where a pulse may differ."""
+        return self._viewers.changes
+
     def pulse(self, since: float) -> dict[str, Any]:
         row = np.degrees(self._movement["angles"][_row(self._movement, self.t)])
         angles = [
@@ -139,9 +152,7 @@ class Replay:
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
         """As a live station's."""
-        leave = self._viewers.add(notice)
-        notice()
-        return leave
+        return self._viewers.add(notice)
 
     def _run(self) -> None:
         before = time.monotonic()
@@ -154,6 +165,7 @@ class Replay:
                 self.t = min(self.t + passed * self.speed, self.span[1])
                 self.playing = self.t < self.span[1]
                 self._draw()
+                self._number += now // TOLD != (now - passed) // TOLD or not self.playing
             self._viewers.notify()
 
     def _draw(self) -> None:

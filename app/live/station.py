@@ -69,6 +69,7 @@ class Station:
         self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps)
         self._calibration: Calibration | None = None
         self._viewers = Viewers()
+        self._told: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
         self._stop = threading.Event()
         self._problem = ""
         self._replaced = 0  # times that another glove had been plugged in when the newest calibration was made
@@ -121,6 +122,7 @@ class Station:
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
+            self._tell(facts)
         self._viewers.notify()
 
     def snapshot(self) -> dict[str, Any]:
@@ -128,13 +130,30 @@ class Station:
         with self._lock:
             return tell(self, self._wizard, self._now(), self._calibration, self._problem)
 
+    def news(self) -> tuple[int, dict[str, Any]]:
+        """The snapshot of the last tick or action with its number: whoever tells viewers waits for no tick."""
+        return (-1, self.snapshot()) if self.ended else self._told
+
+    @property
+    def changes(self) -> int:
+        """Another number where a pulse may differ."""
+        return self._viewers.changes
+
     def pulse(self, since: float) -> dict[str, Any]:
         """What changes with every pose: angles, the curve's points later than `since`, the age of the newest row."""
         return beat(self, since)
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
         """Have `notice` called (from any thread) whenever there is something new; gives back how to stop that."""
-        return self._viewers.add(notice)
+        with self._lock:
+            leave = self._viewers.add(notice)
+            self._tell(self._now())
+        return leave
+
+    def _tell(self, facts: Facts) -> None:
+        """Write down for viewers where things stand."""
+        if self._viewers:
+            self._told = (self._told[0] + 1, tell(self, self._wizard, facts, self._calibration, self._problem))
 
     def _run(self) -> None:
         while not self._stop.wait(TICK):
@@ -145,6 +164,7 @@ class Station:
                     self._do(orders, facts)
                     self._wiggle(facts)
                     self._draw(facts)
+                    self._tell(facts)
                     if time.monotonic() - self._drawn > TICK:
                         self._draw_hand()
             except Exception:  # one bad tick must not end a session that records

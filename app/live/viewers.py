@@ -10,6 +10,7 @@ class Viewers:
     def __init__(self) -> None:
         self._notices: list[Callable[[], object]] = []
         self._lock = threading.Lock()
+        self.changes = 0  # another number, something new
 
     def __bool__(self) -> bool:
         return bool(self._notices)
@@ -27,5 +28,6 @@ class Viewers:
 
     def notify(self) -> None:
         """There is something new."""
+        self.changes += 1
         for notice in list(self._notices):
             notice()
