@@ -26,6 +26,7 @@ DEFAULT_PORT = 8420
 FOLDER = "handscope-data"  # in the user's home
 IDLE, LONGEST = 4.0, 24.0  # h of a login
 CACHE = 20.0  # GB
+SWITCH = 5e-4  # s that a thread which has something to do waits for another: Python's 5 ms add up over a pose's way to its viewers
 
 
 def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
@@ -169,6 +170,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         server_header=False,
         proxy_headers=False,
     )
+    sys.setswitchinterval(SWITCH)
     server = _Server(config, announce)
     server.run(sockets=[listener])
     if server.interrupted:
