@@ -8,6 +8,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from types import ModuleType
 from typing import Any
 
@@ -197,9 +198,10 @@ class Tracking:
 
     def motion(self) -> dict[str, Motion]:
         """How much each sensor moves, from the last second of its samples, by segment."""
-        with self._lock:
-            recent = {name: _latest(blocks, 1.0) for name, blocks in self._samples.items()}
-        return {segment: m for block in recent.values() if block is not None for segment, m in _motions(block).items()}
+        with self._lock:  # the method waits for it: no more than take the blocks
+            recent = [_latest(blocks, 1.0) for blocks in self._samples.values()]
+        seconds = (join(blocks).between(blocks[-1].t[-1] - 1.0, np.inf) for blocks in recent if blocks)
+        return {segment: m for block in seconds for segment, m in _motions(block).items()}
 
     def newest_sample(self) -> float:
         """Time of the newest sample of any stream, s; -inf before the first."""
@@ -348,16 +350,12 @@ def _joined(blocks: "deque[Block]") -> list[Block]:
     return [join(parts) for parts in by_stream.values()]
 
 
-def _latest(blocks: "deque[Block]", seconds: float) -> Block | None:
+def _latest(blocks: "deque[Block]", seconds: float) -> list[Block]:
+    """The newest blocks that hold so many seconds, in order; none of a stream that tells no movement."""
     if not blocks or not blocks[-1].stream.inertial:
-        return None
-    newest = blocks[-1].t[-1]
-    recent = []
-    for block in reversed(blocks):
-        recent.append(block)
-        if block.t[0] < newest - seconds:
-            break
-    return join(recent[::-1]).between(newest - seconds, np.inf)
+        return []
+    recent = list(takewhile(lambda b: b.t[-1] >= blocks[-1].t[-1] - seconds, reversed(blocks)))
+    return recent[::-1]
 
 
 def _motions(block: Block) -> dict[str, Motion]:
