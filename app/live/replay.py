@@ -170,10 +170,10 @@ class Replay:
 
     def _draw(self) -> None:
         k = _row(self._movement, self.t)
-        self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
-        if self.beside:
-            self._draw_beside(self.beside, self.beside.row(self.t))
-        self.scene.flush()
+        with self.scene.picture():
+            self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
+            if self.beside:
+                self._draw_beside(self.beside, self.beside.row(self.t))
 
     def _draw_beside(self, other: Beside, k: int) -> None:
         angles, q_GH = (other.movement[name][k].astype(float) for name in ("angles", "q_GH"))

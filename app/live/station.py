@@ -185,9 +185,10 @@ class Station:
             rows = self.latest
             if rows is not None and rows is not self._shown:
                 self._drawn, self._shown = time.monotonic(), rows
-                self.scene.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
-                self.scene.trail(self._trail())
-                self.scene.flush()
+                trail = self._trail()
+                with self.scene.picture():
+                    self.scene.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
+                    self.scene.trail(trail)
 
     def _trail(self) -> Array:
         """The hand's path of the last seconds, where it went anywhere."""

@@ -1,11 +1,12 @@
 """A hand in the browser: the patient's hand as it moves, a ghost hand that shows the pose to take, one segment lit, one sentence.
 
 One HandScene owns one viser server and belongs to one station. Every method may be called at any rate and from any thread; what was drawn last
-is what viewers see (at about 57 Hz, or at once after `flush`), and a viewer who comes later sees the same.
+is what viewers see (at about 57 Hz, or at once after a `picture`), and a viewer who comes later sees the same.
 """
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 import numpy as np
@@ -161,8 +162,11 @@ class HandScene:
         """Of every mesh of the patient's hand which bones (of bones.BONES) it follows, by its name in the scene."""
         return self._own.bones_by_mesh()
 
-    def flush(self) -> None:
-        """Send what is drawn now rather than with the next picture."""
+    @contextmanager
+    def picture(self) -> Iterator[None]:
+        """What is drawn within goes out together, now rather than with the next picture."""
+        with self._server.atomic():
+            yield
         self._server.flush()
 
     async def _renumber(self, _: ClientHandle) -> None:

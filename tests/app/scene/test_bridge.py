@@ -53,8 +53,8 @@ def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> N
     angles[JOINT["index_dip"], 0] = 0.777
     tip = bones.pose(angles, sized("left"))[0][bones.BONE["index_distal"]]
     with connected(served) as one, connected(served) as two:
-        scene.show(angles, None)
-        scene.flush()
+        with scene.picture():
+            scene.show(angles, None)
         for viewer in (one, two):
             while not any(_turns(m, "/hand/index", 4, tip) for m in _messages(viewer.recv(timeout=10))):
                 pass
