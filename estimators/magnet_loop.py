@@ -52,6 +52,7 @@ AUDIBLE, LOUD = (
 LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 MEMORY = 0.5  # s over which surprises are averaged
+ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
 SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading
@@ -171,6 +172,10 @@ def clear(H: Array) -> None:
 def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, dt: float) -> Array:
     """Accelerometers that read gravity (5.16), accelerations in common (5.17), standstill (5.18), volume. In place; gives the state."""
     dx, H = np.zeros(len(P)), np.zeros((3, len(P)))
+    faster = 0.0  # a hand that slides without turning passes for still: not where it is known to be on its way
+    for i in range(3):
+        faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
+    still_t = still_t and not (still_b and faster > ON_ITS_WAY**2)
     R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
     up = np.zeros(3)
     up[2] = s.gravity

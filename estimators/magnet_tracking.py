@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators import magnet_standstill
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.gravity import GRAVITY
@@ -115,7 +116,7 @@ class State:
     covariance: Array  # (30 + 6 magnetometers,) squared
     mood: Array  # (3,)
     newest: Array  # (12,) last good inertial readings
-    recent: Array  # (m, 12) for the test of standstill
+    recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
     t: float = -np.inf
 
 
@@ -149,7 +150,7 @@ def start(setup: Setup) -> State:
         raise InputError(
             f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
         )
-    return State(setup, None, np.empty((0, 0)), np.array([1.0, 0.0, 0.0]), np.full(12, np.nan), np.empty((0, 12)))
+    return State(setup, None, np.empty((0, 0)), np.array([1.0, 0.0, 0.0]), np.full(12, np.nan), np.empty((0, 12 + setup.array.places.size)))
 
 
 def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
@@ -174,7 +175,7 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
         first = int(whole.argmax())
         x, P = _begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
         state = replace(state, t=float(readings.t[first]), newest=samples[first])
-    window, still = _standstill(params, state, samples[first:])
+    window, still = _standstill(params, state, samples[first:], mag[first:])
     x, P, mood, newest = x.copy(), P.copy(), state.mood.copy(), state.newest.copy()
     rows = n - first
     states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
@@ -283,10 +284,10 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
     return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
 
 
-def _standstill(params: MagnetParams, state: State, samples: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _standstill(params: MagnetParams, state: State, samples: Array, mag: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The newest samples that the next test needs, and whether base and target stood still up to each sample (n, 2)."""
     length = params.still_samples
-    joined = np.concatenate([state.recent, samples])
+    joined = np.concatenate([state.recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
     still = np.zeros((len(samples), 2), bool)
     if len(joined) >= length and len(samples):
         windows = np.lib.stride_tricks.sliding_window_view(joined, length, axis=0).transpose(0, 2, 1)
@@ -295,6 +296,8 @@ def _standstill(params: MagnetParams, state: State, samples: Array) -> tuple[Arr
                 windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], params.still_gyr * DEG, params.still_acc
             )
             still[len(samples) - len(ratio) :, k] = ratio < 1.0
+        slides = magnet_standstill.moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), length, 1e-6 * params.mag_noise)
+        still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
     return joined[-(length - 1) :], still
 
 
