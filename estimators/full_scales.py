@@ -15,6 +15,7 @@ import numpy as np
 from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Event, Recording, Stream
 
@@ -92,6 +93,10 @@ class Scaled:
     @property
     def warnings(self) -> tuple[str, ...]:
         return self.recording.warnings
+
+    @property
+    def plate(self) -> Plate | None:
+        return self.recording.plate
 
     def blocks(self) -> Iterator[Block]:
         return (self.scaled(b) for b in self.recording.blocks())

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from estimators.compiled import told_by_row
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 
 GYR, ACC, MAG, FORCE = "gyr", "acc", "mag", "force"
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
 UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N"}
-EXTRA_POINTS = ("trunk", *(f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little")))
-TRACKED_POINTS = (*SEGMENTS, *EXTRA_POINTS)
+TRUNK = "trunk"  # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
+TRUNK_MAGNETOMETERS = tuple(f"trunk_mag_{k}" for k in range(1, 33))  # more magnetometers on the trunk, rigid with it
+FORCE_POINTS = tuple(f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little"))
+TRACKED_POINTS = (*SEGMENTS, TRUNK, *FORCE_POINTS, *TRUNK_MAGNETOMETERS)
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,11 @@ class Recording(Protocol):
 
     @property
     def warnings(self) -> tuple[str, ...]: ...
+
+    @property
+    def plate(self) -> Plate | None:
+        """What is told of magnetometers on the trunk and a magnet on the hand."""
+        ...
 
     def blocks(self) -> Iterator[Block]:
         """All samples, streams interleaved, each stream in order."""

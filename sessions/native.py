@@ -13,6 +13,7 @@ from mcap.records import Message
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
+from estimators.magnet_plate import plate_from
 from estimators.samples import Block, Event, join
 from sessions.recorder import FORMAT_VERSION
 from sessions.recording import LoadedRecording
@@ -78,6 +79,7 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
         source=_source(contents.metadata, assembler.identity),
         losses={name: count.lost for name, count in assembler.counts.items()},
         strip_ids={point: f"{strip.strip_id:x}" for strip in assembler.strips.values() for point in strip.points},
+        plate=plate_from(contents.metadata.get("magnet_setup") or {}) or assembler.plate,
     )
 
 

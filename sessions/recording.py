@@ -10,6 +10,7 @@ import numpy as np
 from estimators.errors import InputError
 from estimators.hand_anatomy import Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import Block, Event, Stream
 
@@ -31,6 +32,7 @@ class LoadedRecording:
     source: Mapping[str, Any] = field(default_factory=dict)  # format, device, firmware, software: provenance in words
     losses: Mapping[str, int] = field(default_factory=dict)  # samples lost on the way, by stream
     strip_ids: Mapping[str, str] = field(default_factory=dict)  # which strip each tracked point was on, where the glove says
+    plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, where told
 
     @property
     def streams(self) -> tuple[Stream, ...]:

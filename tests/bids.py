@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from estimators import quaternions as quat
+from estimators.magnet_plate import Plate
 from estimators.samples import FORCE, MAG, Block, Event, Stream
 from sessions.motion_bids import writer
 from sessions.recording import LoadedRecording
@@ -19,6 +20,7 @@ from tests.simulated import in_strips, loaded
 Files = dict[str, bytes]
 BASE = "sub-01/motion/sub-01_task-hand"
 N = 30
+PLATE = Plate({"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.0, -0.1, 0.0)}, (0.0, 0.0, 0.32), (0.005, 0.03, 0.0), 49.8e-6, 1.19)
 
 
 def recording() -> LoadedRecording:
@@ -36,9 +38,10 @@ def recording() -> LoadedRecording:
         Event(0.15, 0.1, "task", {"task_name": "rom", "note": None}),
         Event(0.2, 0.0, "annotation", {"note": "a\ttab, a line\nbreak\x0b and ü"}),
     )
-    samples = {"hand": hand, "index": index, "forearm": forearm, "mag": mag, "force": force}
+    array = Block(Stream("array", ("trunk_mag_1", "trunk_mag_2"), (MAG,), 75.0), np.arange(9) / 75, rng.normal(size=(9, 2, 3)) * 5e-5)
+    samples = {"hand": hand, "index": index, "forearm": forearm, "mag": mag, "force": force, "array": array}
     mounting = {"index_distal": quat.exp(np.array([0.1, 0.2, 0.3])), "hand": quat.IDENTITY}
-    return replace(loaded(in_strips("left")), samples=samples, events=events, mounting=mounting)
+    return replace(loaded(in_strips("left")), samples=samples, events=events, mounting=mounting, plate=PLATE)
 
 
 def dataset(source: LoadedRecording | None = None) -> Files:

@@ -11,8 +11,9 @@ import numpy as np
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
+from estimators.magnet_plate import plate_from
 from estimators.quaternions import Array
-from estimators.samples import ACC, EXTRA_POINTS, FORCE, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
+from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
 from sessions.motion_bids.files import Files, checksum, open_files, whole
 from sessions.motion_bids.tables import MISSING, json_object, numbers, rows
 from sessions.recording import LoadedRecording, require_samples
@@ -61,6 +62,7 @@ def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
         tuple(warnings),
         checksum=checksum(files),
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
+        plate=plate_from(_merged(systems, "MagnetSetup")),
     )
     return require_samples(recording, path.name)
 
@@ -312,6 +314,3 @@ def _provenance(systems: list[System]) -> dict[str, Any]:
         "TaskName": "task",
     }
     return {ours: s.sidecar[theirs] for s in systems for theirs, ours in wanted.items() if s.sidecar.get(theirs) not in (None, MISSING)}
-
-
-assert set(EXTRA_POINTS) < set(TRACKED_POINTS)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from estimators.hand_geometry import table_of
+from estimators.magnet_plate import table_of as table_of_plate
 from estimators.samples import ACC, FORCE, GYR, MAG, Block, Event
 from sessions.number_table import Data, NumberTable, pieces
 from sessions.recording import LoadedRecording
@@ -115,4 +116,5 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "MeasuredHand": recording.hand,
         "HandGeometry": table_of(recording.geometry),
         "SensorMounting": {point: [float(x) for x in recording.mounting[point]] for point in s.sensors if point in recording.mounting},
+        **({"MagnetSetup": table_of_plate(recording.plate)} if recording.plate and MAG in s.quantities else {}),
     }

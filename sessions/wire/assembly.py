@@ -14,6 +14,7 @@ from estimators import imu_calibration
 from estimators import quaternions as quat
 from estimators.hand_anatomy import CHAINS
 from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
@@ -62,6 +63,7 @@ class Assembler:
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
+    plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, as the glove tells
     replaced: int = 0  # times that another device was plugged in
     undescribed: int = 0  # bursts dropped because their stream was never described
     exchanged: dict[str, str] = field(default_factory=dict)  # by the finger that a strip says it is for, the one that it is on
@@ -146,6 +148,8 @@ class Assembler:
                 self.host.update(message.t * NS, arrival)
             case Mark():
                 self._marked(message)
+            case Plate():
+                self.plate = message
             case StripCalibration():
                 self._calibrated(message)
                 return self._released()
@@ -159,7 +163,7 @@ class Assembler:
             self._waiting.clear()
             self._early.clear()
             self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
-            self._told = {}
+            self._told, self.plate = {}, None
             self.calibrations, self._readings = {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity

@@ -1,6 +1,6 @@
 """Messages of the wire protocol as values, and their payload bytes. Little-endian throughout; docs/wire-protocol.md is the same in prose.
 
-Device to host: Identity, Strip, StreamInfo, Samples, Status, Reply, Pong, StripCalibration. Host to device: the commands.
+Device to host: Identity, Strip, StreamInfo, Samples, Status, Reply, Pong, StripCalibration, Plate. Host to device: the commands.
 """
 
 import struct
@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from estimators.magnet_plate import Plate
 from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS
+from sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1
 QUANTITIES = (GYR, ACC, MAG, FORCE)  # bit k of the quantity mask
@@ -186,6 +188,7 @@ Message = (
     | Pong
     | Mark
     | StripCalibration
+    | Plate
     | Identify
     | Configure
     | Start
@@ -361,6 +364,7 @@ _CODECS: dict[type, tuple[int, Callable[[Any], bytes], Callable[[bytes], Any]]] 
     Pong: (0x07, lambda m: struct.pack("<QQ", m.token, m.t), lambda p: Pong(*struct.unpack("<QQ", p))),
     StripCalibration: (0x08, _write_calibration, _read_calibration),
     Mark: (0x09, _write_mark, _read_mark),
+    Plate: (0x0A, write_plate, read_plate),
     Identify: (0x81, lambda m: b"", lambda p: Identify()),
     Configure: (0x82, _write_configure, _read_configure),
     Start: (0x83, lambda m: b"", lambda p: Start()),

@@ -7,8 +7,8 @@ import pytest
 
 from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
 from estimators.hand_geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
-from estimators.samples import TRACKED_POINTS
-from estimators.trajectory import Flag, ForceFlag
+from estimators.samples import TRACKED_POINTS, TRUNK_MAGNETOMETERS
+from estimators.trajectory import Flag, ForceFlag, PlaceFlag
 from sessions.motion_bids import files
 from sessions.motion_bids.reader import UNITS
 from sessions.recorder import CHANNELS, FORMAT_VERSION
@@ -45,7 +45,11 @@ def test_numbers_of_the_wire_are_those_of_the_code() -> None:
     for k, quantity in enumerate(messages.QUANTITIES):
         assert re.search(rf"\b{2**k} {quantity} \(", WIRE)
     for k, point in enumerate(TRACKED_POINTS):
-        assert re.search(rf"\b{k} {point}\b", WIRE) or point.split("_")[0] in ("middle", "ring", "little")
+        assert (
+            re.search(rf"\b{k} {point}\b", WIRE)
+            or point.split("_")[0] in ("middle", "ring", "little")
+            or point in TRUNK_MAGNETOMETERS[1:-1]
+        )
 
 
 def test_the_recordings_page_names_every_channel() -> None:
@@ -63,7 +67,7 @@ def test_every_unit_stands_beside_its_type() -> None:
 def test_limits_of_a_zip_and_flags_are_told() -> None:
     assert f"{files.MOST_FILES:,}".replace(",", " ") + f" files or {files.MOST_BYTES // 2**30} GB" in BIDS
     assert f"{files.MOST_RATIO} times its size" in BIDS
-    for column, flags in (("<segment>_flags", Flag), ("<finger>_tip_force_flags", ForceFlag)):
+    for column, flags in (("<segment>_flags", Flag), ("<finger>_tip_force_flags", ForceFlag), ("hand_place_flags", PlaceFlag)):
         (row,) = (line for line in BIDS.splitlines() if line.startswith(f"| `{column}`"))
         assert [int(n) for n in re.findall(r"(\d+) [a-z]+ ", row)] == [flag.value for flag in flags]
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from estimators.magnet_plate import Plate
 from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS
 from sessions.wire import messages as wire
 from sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
@@ -37,6 +38,8 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
 
 
 CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, st.tuples(*9 * [REAL]), st.tuples(*27 * [REAL]))
+THREE = st.tuples(REAL, REAL, REAL)
+PLATES = st.builds(Plate, st.dictionaries(st.sampled_from(TRACKED_POINTS), THREE, max_size=4), THREE, THREE, REAL, st.none() | REAL)
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Identity: st.builds(wire.Identity, LONG, SHORT, st.sampled_from([None, "left", "right"]), TEXT, TEXT, st.integers(0, 65535)),
     wire.Strip: strips(),
@@ -47,6 +50,7 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Pong: st.builds(wire.Pong, LONG, LONG),
     wire.Mark: st.builds(wire.Mark, LONG, LONG, TEXT, PAIRS),
     wire.StripCalibration: CALIBRATIONS,
+    Plate: PLATES,
     wire.Identify: st.just(wire.Identify()),
     wire.Configure: st.builds(wire.Configure, BYTE, st.floats(0, 1000), st.floats(0, 100), REAL, REAL, st.sampled_from(Format)),
     wire.Start: st.just(wire.Start()),

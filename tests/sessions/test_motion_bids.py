@@ -12,7 +12,7 @@ from sessions import motion_bids
 from sessions.motion_bids import reader
 from sessions.number_table import NumberTable
 from sessions.recording import LoadedRecording
-from tests.bids import BASE, Files, N, dataset, folder, packed, recording, with_line, with_sidecar, with_text, without
+from tests.bids import BASE, PLATE, Files, N, dataset, folder, packed, recording, with_line, with_sidecar, with_text, without
 
 TIDY = (Event(0.05, 0.1, "initial_pose", {"thumb_cmc_flexion_deg": 0.0, "thumb_cmc_deviation_deg": -45.0, "thumb_cmc_pronation_deg": 60.0}),
         Event(0.15, 0.1, "task", {"task_name": "rom"}),
@@ -38,6 +38,7 @@ def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path, name: str)
     assert (read.hand, read.geometry) == (written.hand, written.geometry)
     assert read.events == TIDY
     assert read.warnings == ()
+    assert read.plate == PLATE
     for point, q in written.mounting.items():
         np.testing.assert_allclose(read.mounting[point], q, atol=1e-15)
     assert read.source["recording"] == "sub-01/ses-02/motion/sub-01_ses-02_task-hand"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 
 from estimators.errors import InputError
+from estimators.magnet_plate import Plate
 from estimators.samples import Event
 from sessions import formats, native
 from sessions.recorder import FORMAT_VERSION, Recorder
@@ -255,6 +256,20 @@ def test_a_strip_described_anew_goes_on_as_a_stream_of_its_own(tmp_path: Path) -
     assert {name: b.stream.rate for name, b in recording.samples.items()} == {"hand": 100.0, "index": 100.0, "index-2": 200.0}
     assert recording.samples["index-2"].stream.name == "index-2"
     assert len(recording.samples["index"].t) + len(recording.samples["index-2"].t) == len(SAMPLES["index"].t)
+
+
+def test_where_magnetometers_and_magnet_are_is_kept_as_the_glove_tells_and_as_somebody_measured_it_better(tmp_path: Path) -> None:
+    told = Plate({"trunk_mag_1": (0.0, 0.125, 0.0)}, (0.0, 0.0, 0.5), (0.0, 0.25, 0.0), 2.0**-14)
+    for name, metadata in (
+        ("glove", {}),
+        ("person", {"magnet_setup": {"places": {"trunk_mag_1": [0, 0.1, 0]}, "moment": [0, 0, 0.3], "earth": 5e-5}}),
+    ):
+        with Recorder(tmp_path / f"{name}.mcap", {"hand": "left", **metadata}, 100.0) as recorder:
+            for frame in frames([identity(), told]):
+                recorder.write(frame, 100.0)
+    assert native.load(tmp_path / "glove.mcap").plate == told
+    measured = native.load(tmp_path / "person.mcap").plate
+    assert measured == Plate({"trunk_mag_1": (0.0, 0.1, 0.0)}, (0.0, 0.0, 0.3), (0.0, 0.0, 0.0), 5e-5)
 
 
 def test_strips_found_on_each_others_finger_are_read_as_worn_from_the_beginning(tmp_path: Path) -> None:
