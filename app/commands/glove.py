@@ -21,6 +21,7 @@ from estimators import full_scales
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import sized
+from estimators.samples import GYR
 from estimators.simulation import tasks
 from estimators.simulation.sensors import SensorErrors
 from sessions import formats
@@ -36,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--strips",
         default="all",
         metavar="NAMES",
-        help=f"all, none, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip); the hand's base unit is always there",
+        help=f"all, none, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
     )
     parser.add_argument(
         "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"
@@ -97,13 +98,13 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     hand: Hand = arguments.hand or "left"
     strips = ALL_STRIPS if arguments.strips == "all" else () if arguments.strips == "none" else tuple(arguments.strips.split(","))
     common, single = _rates(arguments.rate)
-    streams = tuple(replace(s, rate=single.get(s.name, common)) for s in layout(strips, common))
+    streams = tuple(replace(s, rate=single.get(s.name, common if s.inertial else s.rate)) for s in layout(strips, common))
     unknown = set(single) - {s.name for s in streams}
     if unknown:
         raise InputError(f"--rate names the strip {unknown.pop()!r}, which is not plugged in")
     errors = SensorErrors() if arguments.saturate is None else SensorErrors(gyr_range=arguments.saturate)
     limit = float(np.radians(errors.gyr_range))
-    streams = tuple(replace(s, full_scale={**s.full_scale, "gyr": limit}) for s in streams)
+    streams = tuple(replace(s, full_scale={**s.full_scale, GYR: limit}) if GYR in s.quantities else s for s in streams)
     person = SimulatedPerson(hand, sized(hand), streams, rng, errors)
     if arguments.exchange:
         one, other = arguments.exchange

@@ -21,6 +21,7 @@ from estimators.simulation.scenario import ForceGlove, Simulated, performed, sim
 from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
 from estimators.simulation.tasks import Performance
 from estimators.simulation.transmission import LINKS
+from estimators.simulation.trunk import TrunkGlove
 from sessions.motion_bids import writer
 from sessions.motion_bids.truth import truth_files
 from sessions.recording import LoadedRecording
@@ -57,6 +58,11 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--misalignment", type=float, metavar="DEG", help="sensors sit up to this askew, about any axis; else as the preset says"
     )
+    parser.add_argument(
+        "--trunk",
+        action="store_true",
+        help="an inertial sensor and four magnetometers on the trunk and a magnet on the hand, for a task; the hand then has no magnetometers",
+    )
     parser.add_argument("--markers", type=Path, metavar="FILE.tsv", help="Qualisys export of a hand of --hand: what `captured` moves like")
 
 
@@ -81,7 +87,13 @@ def run(arguments: argparse.Namespace) -> int:
 def as_recording(made: Simulated) -> LoadedRecording:
     """A simulated recording as one that was opened."""
     return LoadedRecording(
-        made.hand, made.geometry, made.mounting, made.samples, made.events, source={"device": "simulated", "software": software_version()}
+        made.hand,
+        made.geometry,
+        made.mounting,
+        made.samples,
+        made.events,
+        source={"device": "simulated", "software": software_version()},
+        plate=made.plate,
     )
 
 
@@ -107,9 +119,18 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         return _functional(arguments, rng, errors, field)
     if arguments.pose_error:
         raise InputError(f"--pose-error is for experiments, {arguments.task} is none; {TASKS_TOLD}")
+    if arguments.trunk:
+        return _with_trunk(arguments, rng, errors)
     names = ["initial_pose"] + ([] if arguments.task == "initial_pose" else [arguments.task])
     hand = arguments.hand
     return simulate(names, hand, sized(hand), rng, errors, rate=arguments.rate, forearm_rate=forearm_rate, field=field, link=link)
+
+
+def _with_trunk(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors) -> Simulated:
+    """A task by the average hand that carries a magnet, with magnetometers on the trunk."""
+    hand = sized(arguments.hand)
+    done = [tasks.initial_pose(hand), tasks.TASKS[arguments.task](hand)]
+    return performed(done, arguments.hand, hand, rng, errors, rate=arguments.rate, link=LINKS[arguments.link], on_trunk=TrunkGlove())
 
 
 def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:

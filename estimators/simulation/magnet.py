@@ -26,6 +26,7 @@ NEUTRAL = quat.from_matrix(
 )  # q_gb of somebody who sits upright and looks along y
 PLATE = np.array([[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]])  # m: the first at the right shoulder
 MOMENT = 1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002  # A m^2: remanence of 1.3 T (N42) times the volume
+ROD = MOMENT * np.array([0.0, 0.0, 1.0])
 MAGNET_PLACE = np.array([0.005, 0.03, 0.0])  # m from the hand's sensor; ours
 
 ARRAY_ERRORS = LSM330DLC_HMC5983
@@ -83,16 +84,21 @@ class Worn:
     errors: SensorErrors
 
 
-def worn(rng: np.random.Generator, errors: SensorErrors = ARRAY_ERRORS, told: MagnetErrors | None = None, places: Array = PLATE) -> Worn:
-    """Draw one plate and one magnet."""
+def worn(
+    rng: np.random.Generator,
+    errors: SensorErrors = ARRAY_ERRORS,
+    told: MagnetErrors | None = None,
+    places: Array = PLATE,
+    moment: Array = ROD,
+) -> Worn:
+    """Draw one plate and one magnet; `moment` is what the user tells of it."""
     e, n = told or MagnetErrors(), len(places)
     turn = e.turn * np.pi / 180 * rng.normal(size=(n, 3))
     turn[0] = 0.0  # the first shares the axes of the inertial sensor in its housing
     soft = np.eye(3) + e.soft_iron * rng.normal(size=(n, 3, 3))
     true = places + 1e-3 * e.place * rng.normal(size=places.shape)
     true[0] = places[0]
-    told_moment = MOMENT * np.array([0.0, 0.0, 1.0])
-    moment = quat.rotate(quat.exp(e.moment_angle * np.pi / 180 * rng.normal(size=3)), told_moment) * (1 + e.moment * rng.normal())
+    true_moment = quat.rotate(quat.exp(e.moment_angle * np.pi / 180 * rng.normal(size=3)), moment) * (1 + e.moment * rng.normal())
     lever = MAGNET_PLACE + 1e-3 * e.place * rng.normal(size=3)
     sizes = np.repeat([np.radians(errors.gyr_bias), errors.acc_bias], 3)
     matrices = [np.eye(3) + np.diag(scale * rng.normal(size=3)) for scale in (errors.gyr_scale,) * 2 + (errors.acc_scale,) * 2]
@@ -101,10 +107,10 @@ def worn(rng: np.random.Generator, errors: SensorErrors = ARRAY_ERRORS, told: Ma
         quat.exp(turn),
         (soft + soft.transpose(0, 2, 1)) / 2,
         1e-6 * e.hard_iron * rng.normal(size=(n, 3)),
-        moment,
+        true_moment,
         lever,
         places,
-        told_moment,
+        moment,
         MAGNET_PLACE,
         np.array(matrices).reshape(2, 2, 3, 3),
         sizes * rng.normal(size=(2, 6)),

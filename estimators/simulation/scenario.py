@@ -10,14 +10,18 @@ from estimators.errors import InputError
 from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, MAG, Block, Event, Stream, join
-from estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission
+from estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission, trunk
 from estimators.simulation.force_sensors import ForceErrors
+from estimators.simulation.kinematics import Kinematics
 from estimators.simulation.magnetic_field import MagneticField, homogeneous
+from estimators.simulation.motion import shifted
 from estimators.simulation.sensors import SensorErrors, SensorSet
 from estimators.simulation.tasks import Performance
 from estimators.simulation.transmission import WIRED, Transmission
+from estimators.simulation.trunk import Carried, TrunkGlove
 from estimators.trajectory import Trajectory
 
 
@@ -42,6 +46,7 @@ class Simulated:
     sensors: SensorSet
     mounting: Mapping[str, Array] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    plate: Plate | None = None
 
     @property
     def streams(self) -> tuple[Stream, ...]:
@@ -85,17 +90,19 @@ def performed(
     known: HandGeometry | None = None,
     link: Transmission = WIRED,
     force: ForceGlove | None = None,
+    on_trunk: TrunkGlove | None = None,
 ) -> Simulated:
     """The same of performances already made up; with a `field` magnetometers in a stream of their own, `known` is the geometry that a method is given.
 
-    Magnetometers, losses and force sensors have random streams of their own: the inertial readings are the same with and without them.
+    Magnetometers, losses, force sensors and what is worn on the trunk have random streams of their own: the inertial readings are the same with and without them.
     """
     worn = sensors.mounted(segments, geometry, errors, rng)
-    of_mag, of_link, of_force = rng.spawn(3)
+    of_mag, of_link, of_force, of_trunk = rng.spawn(4)
     plans = _plans(segments, errors, rate, forearm_rate, mag_rate if field is not None else None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
     clocks = {p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0 for p in plans}
     parts: dict[str, list[Block]] = {p.name: [] for p in plans}
+    carried = trunk.carried(on_trunk, of_trunk) if on_trunk is not None else None
     truths, events, begin = [], [], 0.0
     for performance in performances:
         end = begin + performance.motion.duration
@@ -109,13 +116,21 @@ def performed(
                 read = sensors.magnetic(worn, k, field or homogeneous(), of_mag)
             parts[stream.name].append(Block(stream, t, read[:, rows]))
             if stream is fastest:
-                truths.append(kinematics.truth(k, hand))
+                truths.append(_truth(k, hand, performance, begin, worn, carried))
         events += [Event(e.onset + begin, e.duration, e.trial_type, e.details) for e in performance.events]
         begin = end
     if force is not None:
         parts["force"] = [_felt(performances, geometry, worn, force, of_force)]
+    if carried is not None:
+        parts |= {b.stream.name: [b] for b in _on_trunk(performances, geometry, worn, carried, of_trunk)}
+    mounting, plate = ({}, None) if carried is None else (carried.mounting, carried.plate)
     samples = {name: transmission.through(link, join(blocks), of_link) for name, blocks in parts.items()}
-    return Simulated(hand, known or geometry, samples, tuple(events), trajectory.join(truths, hand), worn)
+    return Simulated(hand, known or geometry, samples, tuple(events), trajectory.join(truths, hand), worn, mounting, plate=plate)
+
+
+def _truth(k: Kinematics, hand: Hand, performance: Performance, begin: float, worn: SensorSet, carried: Carried | None) -> Trajectory:
+    moved = kinematics.truth(k, hand)
+    return moved if carried is None else trunk.told(carried, shifted(performance.motion, begin), k, worn, moved)
 
 
 def _felt(
@@ -133,6 +148,24 @@ def _felt(
         moved.append(replace(k, t=t))
     whole = kinematics.in_sequence(moved)
     return Block(stream, whole.t, force_sensors.readings(sensors_worn, worn, whole, np.concatenate(forces), rng))
+
+
+def _on_trunk(
+    performances: Sequence[Performance], geometry: HandGeometry, worn: SensorSet, c: Carried, rng: np.random.Generator
+) -> list[Block]:
+    """What the trunk's sensors read over all performances."""
+    starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
+    blocks = []
+    for stream in trunk.streams(c.glove):
+        parts = []
+        for performance, begin, end in zip(performances, starts, starts[1:]):
+            t, motion = _instants(begin, end, stream.rate, 1.0), shifted(performance.motion, begin)
+            if stream.inertial:
+                parts.append(Block(stream, t, trunk.inertial(c, motion, t, rng)))
+            else:
+                parts.append(Block(stream, t, trunk.magnetic(c, motion, kinematics.of_motion(motion, geometry, t), worn, rng)))
+        blocks.append(join(parts))
+    return blocks
 
 
 def _plans(segments: Sequence[str], errors: SensorErrors, rate: float, forearm_rate: float | None, mag_rate: float | None) -> list[Stream]:

@@ -158,6 +158,12 @@ def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
     return quat.multiply(quat.exp(flexion[..., None] * sensors.skin_turn), sensors.q_BS)
 
 
+def seated(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array]:
+    """Orientation (n, sensors, 4) and place (n, sensors, 3) m of every sensor in the global frame, skin included."""
+    carried = _carried(sensors, k)
+    return quat.conjugate(carried.q_SG), carried.p
+
+
 @dataclass(frozen=True)
 class _Carried:
     """Sensors moved along (n, sensors, ...) in the global frame."""

@@ -17,7 +17,7 @@ from sessions.wire.sample_values import data_of
 
 AHEAD = 0.25  # s of samples made in one go
 ANNOUNCE = 1.0  # s between repetitions of identity, strips and streams
-SLOTS = ("hand", "thumb", "index", "middle", "ring", "little", "forearm", "trunk", "force")
+SLOTS = ("hand", "thumb", "index", "middle", "ring", "little", "forearm", "trunk", "force", "trunk_mag")
 NS = 1e9
 
 
@@ -147,6 +147,8 @@ class Firmware:
         told: list[wire.Message] = [wire.Identity(b.device_id, b.boot_id, self.wearer.hand, b.name, b.firmware)]
         for s in self._strips():
             told += [self._strip(s), *(self._calibrations(s) if s.name in self.flash.kept and s.name not in self._pulled else ())]
+        if self.wearer.plate is not None:
+            told.append(self.wearer.plate)
         return told + [self._info(n, s) for n, s in enumerate(self.wearer.streams) if s.name not in self._pulled]
 
     def _strips(self) -> list[Stream]:

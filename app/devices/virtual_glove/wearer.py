@@ -11,18 +11,21 @@ from estimators.errors import InputError
 from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
+from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
-from estimators.simulation import force_sensors, functional, held, held_object, kinematics, sensors, tasks
+from estimators.samples import ACC, FORCE, GYR, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
+from estimators.simulation import force_sensors, functional, held, held_object, kinematics, sensors, tasks, trunk
 from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.motion import Motion, after, shifted, through
 from estimators.simulation.sensors import SensorErrors
 from estimators.simulation.tasks import Performance
+from estimators.simulation.trunk import TrunkGlove
 from sessions.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
 FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
+MORE = ("force", TRUNK)  # strips that are not on the hand's segments
 FRAME = 1.5  # s from the relaxed posture into what is held
 HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
     "selfcheck_p1": held.spacer_thumb_index,
@@ -41,6 +44,7 @@ class Wearer(Protocol):
     hand: Hand
     streams: tuple[Stream, ...]
     mounting: Mapping[str, Array]
+    plate: Plate | None  # magnetometers on the trunk and magnet on the hand
 
     def samples(self, stream: Stream, start: float, stop: float) -> Block: ...
 
@@ -74,11 +78,16 @@ class SimulatedPerson:
         self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
         self._zero = np.zeros((len(felt), 3))  # N, by how much the force sensors' zeros have walked
         self._cache: dict[float, tuple[float, float, Array, Array]] = {}  # by rate: span, times, readings of all sensors
-        self.mounting: Mapping[str, Array] = {}
+        on_trunk = any(TRUNK in s.sensors for s in self.streams)
+        self._trunk = trunk.carried(TrunkGlove(), self.rng) if on_trunk else None
+        self.mounting: Mapping[str, Array] = self._trunk.mounting if self._trunk else {}
+        self.plate = self._trunk.plate if self._trunk else None
 
     def samples(self, stream: Stream, start: float, stop: float) -> Block:
         if FORCE in stream.quantities:
             return self._felt(stream, start, stop)
+        if set(stream.sensors) <= {TRUNK, *TRUNK_MAGNETOMETERS}:
+            return self._on_trunk(stream, start, stop)
         t, readings = self._readings(stream.rate, start, stop)
         on = {s: other for f, g in self.worn_on.items() for s, other in zip(CHAINS[f], CHAINS[g])}
         rows = [self._sensors.segments.index(on.get(s, s)) for s in stream.sensors]
@@ -118,6 +127,15 @@ class SimulatedPerson:
         self._zero = zeros[-1] if len(t) else self._zero
         return Block(stream, t, force_sensors.readings(steady, self._sensors, k, forces, self.rng) + zeros)
 
+    def _on_trunk(self, stream: Stream, start: float, stop: float) -> Block:
+        """What the trunk's sensor or its magnetometers read."""
+        assert self._trunk is not None
+        t = np.arange(np.ceil(start * stream.rate - 1e-6), np.ceil(stop * stream.rate - 1e-6)) / stream.rate
+        if stream.inertial:
+            return Block(stream, t, trunk.inertial(self._trunk, self._motion, t, self.rng))
+        k = kinematics.of_motion(self._motion, self.geometry, t)
+        return Block(stream, t, trunk.magnetic(self._trunk, self._motion, k, self._sensors, self.rng))
+
     def _readings(self, rate: float, start: float, stop: float) -> tuple[Array, Array]:
         """All sensors' readings at the instants k / rate in [start, stop); streams of one rate share them."""
         if self.repeat is not None and start >= self._motion.spline.x[-1]:
@@ -141,7 +159,7 @@ class Playback:
         self.hand = self.recording.hand
         self._whole = {s.name: b for b in self.recording.samples.values() for s in by_strip(b.stream)}
         self.streams = tuple(replace(s, clock="base") for b in self.recording.samples.values() for s in by_strip(b.stream))
-        self.mounting = self.recording.mounting
+        self.mounting, self.plate = self.recording.mounting, self.recording.plate
         starts = [b.t[0] for b in self.recording.samples.values() if len(b.t)]
         self._first = float(min(starts))
         self.duration = self.recording.duration
@@ -168,7 +186,8 @@ def by_strip(stream: Stream) -> list[Stream]:
     """A stream of many sensors split as a glove's strips are: one a finger, one for every other point; other than inertial quantities apart."""
     groups: dict[str, list[str]] = {}
     for sensor in stream.sensors:
-        groups.setdefault(sensor.split("_")[0] if sensor in SEGMENT else sensor, []).append(sensor)
+        alone = sensor not in SEGMENT and sensor not in TRUNK_MAGNETOMETERS
+        groups.setdefault(sensor if alone else sensor.split("_")[0], []).append(sensor)
     kinds: list[tuple[str, tuple[str, ...]]] = [("", (GYR, ACC))] if stream.inertial else []
     kinds += [(f"_{q}", (q,)) for q in stream.quantities if not (stream.inertial and q in (GYR, ACC))]
     return [
@@ -179,14 +198,14 @@ def by_strip(stream: Stream) -> list[Stream]:
 
 
 def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None) -> tuple[Stream, ...]:
-    """Streams of a glove with the base unit and the named strips (fingers, `forearm`), gyroscope and accelerometer at `rate` Hz."""
+    """Streams of a glove with the base unit and the named strips (fingers, `forearm`, `force`, `trunk`), gyroscope and accelerometer at `rate` Hz."""
     known = {"hand": ("hand",), "forearm": ("forearm",)} | {
         f: tuple(s for s in SEGMENTS if s.startswith(f + "_")) for f in ("thumb", "index", "middle", "ring", "little")
     }
     felt = tuple(f"{f}_tip_force" for f in ("thumb", "index"))
-    unknown = [name for name in strips if name not in (*known, "force")]
+    unknown = [name for name in strips if name not in (*known, *MORE)]
     if unknown:
-        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, 'force') if n != 'hand')}")
+        raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, *MORE) if n != 'hand')}")
     if "force" in strips and not {"thumb", "index"} <= set(strips):
         raise InputError("the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well")
     scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
@@ -196,7 +215,8 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
         Stream(n, known[n], (GYR, ACC), forearm_rate or rate if n == "forearm" else rate, "forearm" if n == "forearm" else "base", scale)
         for n in wanted
     )
-    return (*inertial, *slow)
+    on_trunk = trunk.streams(TrunkGlove()) if TRUNK in strips else ()
+    return (*inertial, *slow, *on_trunk)
 
 
 def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, float]:

@@ -3,15 +3,21 @@
 import numpy as np
 import pytest
 
+from app.devices.virtual_glove.firmware import Build, Firmware
+from app.devices.virtual_glove.flash import delivered
 from app.devices.virtual_glove.wearer import SimulatedPerson, layout
 from app.protocols import load_steps
-from estimators import functional_steps
+from estimators import functional_steps, hand_place
+from estimators.finding import whole_streams
 from estimators.functional_steps import STEPS
 from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import sized
 from estimators.methods import m2
-from estimators.samples import FORCE, GYR
+from estimators.samples import FORCE, GYR, Block
 from estimators.simulation.sensors import IDEAL
+from sessions.wire.assembly import Assembler
+from sessions.wire.framing import Encoder
+from sessions.wire.messages import Cue, Format, Start
 
 CUED, COUNTDOWN = 2.0, 3.0  # s
 
@@ -45,6 +51,26 @@ def test_a_step_of_a_functional_calibration_fills_the_time_that_the_wizard_gives
     piece = functional_steps.measure(m2.Params(), name, blocks, onset, onset + step.length, {})
     assert piece.problems == ()
     assert piece.quality.get("repetitions", 3) == 3
+
+
+def test_a_trunk_and_a_magnet_tell_where_the_hand_reaches_through_the_wire() -> None:
+    """The simulated arm goes 0.28 m forward and the trunk 4 cm after it; 1 s of the glove's samples are made at a time."""
+    rng = np.random.default_rng(3)
+    person = SimulatedPerson("left", sized("left"), layout(("trunk",), 100.0), rng, IDEAL)
+    glove = Firmware(person, Build(format=Format.INT16), rng, delivered(person.streams, np.random.default_rng(4)))
+    assembler, blocks = Assembler(), list[Block]()
+    encoder = Encoder()
+    for sent in (Start(), Cue("reach", {})):
+        blocks += assembler.feed(glove.handle(encoder.frame(sent)), 0.0)
+    for k in range(100):
+        blocks += assembler.feed(b"".join(glove.advance(0.1)), 0.1 * (k + 1))
+    assert assembler.plate is not None and set(assembler.plate.places) == {f"trunk_mag_{n}" for n in (1, 2, 3, 4)}
+    setting = hand_place.setting(hand_place.PlaceParams(), assembler.plate, list(assembler.streams.values()), assembler.mounting)
+    assert setting is not None
+    places = hand_place.followed(setting, whole_streams(blocks))
+    forward = places.place[places.t > 2.0, 0]
+    assert np.ptp(forward) == pytest.approx(0.24, abs=0.05)
+    assert (places.flags[places.t > 2.0] == 0).mean() > 0.95
 
 
 def test_force_sensors_feel_what_the_person_lifts_when_cued() -> None:
