@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from estimators import full_scales, functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
+from estimators import (
+    full_scales,
+    functional_calibration,
+    functional_steps,
+    hand_place,
+    initial_pose,
+    mounting_checks,
+    sensor_checks,
+    trajectory,
+)
 from estimators.calibration import Calibration, Known
 from estimators.errors import InputError
 from estimators.finding import Finding, whole_streams
@@ -63,8 +72,10 @@ def process(
         flag_guesses(moved, calibrations)
     flag_faults(moved, findings, [c.t for c in calibrations], getattr(params, "MAGNETOMETER", False))
     moved, of_forces = fingertip_forces.attached(fingertip_forces.ForceParams(), moved, _whole(recording), recording.mounting, calibrations)
+    moved, of_place = hand_place.attached(hand_place.PlaceParams(), moved, _whole(recording), recording.plate, recording.mounting)
     told = [f.said for f in findings if f.kind != "saturated" or not told_scales]
-    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved), *of_forces]
+    said = [*recording.warnings, *warnings, *(w for c in calibrations for w in c.warnings), *told, *_flag_warnings(moved)]
+    said += [*of_forces, *of_place]
     return Processed(moved, tuple(calibrations), tuple(dict.fromkeys(said)), findings, tuple(warnings))
 
 

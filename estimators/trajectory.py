@@ -53,6 +53,23 @@ FORCE_WORDS = {
 }
 
 
+class PlaceFlag(IntFlag):
+    """What is to be known about the hand's place before it is trusted."""
+
+    MISSING = 1  # no samples of hand, trunk or magnetometers near
+    OUT_OF_REACH = 2  # the magnet is not heard well enough: the place is known to some centimetres at best
+    DOUBTFUL = 4  # the readings contradict what was told of magnetometers, magnet and room
+    SATURATED = 8  # a magnetometer was at its limit
+
+
+PLACE_WORDS = {
+    PlaceFlag.DOUBTFUL: "the readings contradict what was told: another magnet or iron near, magnetometers that were never calibrated, or places that are not as told",
+    PlaceFlag.OUT_OF_REACH: "magnet out of reach",
+    PlaceFlag.SATURATED: "magnetometer at its limit: the magnet was too near",
+    PlaceFlag.MISSING: "samples of trunk or magnetometers missing",
+}
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Samples of the hand's movement; NaN where a segment is not measured."""
@@ -69,6 +86,13 @@ class Trajectory:
     forces_sd: Array | None = None  # (n, 5, 3) N
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
     lifting: Array | None = None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
+
+    place: Array | None = None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known
+    place_sd: Array | None = None  # (n, 3) m
+    place_flags: NDArray[np.uint8] | None = None  # (n,) PlaceFlag bits
+    q_trunk: Array | None = None  # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
+    q_trunk_sd: Array | None = None  # (n, 3) rad about the axes of the trunk's sensor
+    signal: Array | None = None  # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
 
     def __len__(self) -> int:
         return len(self.t)

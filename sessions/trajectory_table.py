@@ -26,6 +26,7 @@ def table_of(moved: Trajectory) -> tuple[list[Column], NumberTable]:
         columns += [(f"{segment}_quat_{c}", f"quat_{c}", "ORNT", segment, "n/a") for c in "wxyz"]
         data += list(moved.q_GS[:, SEGMENT[segment]].T)
     _add_forces(moved, columns, data)
+    _add_place(moved, columns, data)
     _add_deviations(moved, columns, data)
     for segment in measured_segments(moved):
         columns.append((f"{segment}_flags", "n/a", "MISC", segment, "n/a"))
@@ -55,6 +56,16 @@ def _add_forces(moved: Trajectory, columns: list[Column], data: list[Array]) -> 
             ]
             columns.append((f"{point}_flags", "n/a", "MISC", point, "n/a"))
             data += [*moved.forces[:, f].T, *moved.forces_sd[:, f].T, moved.force_flags[:, f].astype(float)]
+
+
+def _add_place(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:
+    """Where the hand is, seen from the trunk, and how the trunk is turned."""
+    if moved.place is None or moved.place_sd is None or moved.place_flags is None or moved.q_trunk is None or moved.signal is None:
+        return
+    columns += [(f"hand_place_{c}", c, "POS", "hand", "m") for c in "xyz"] + [(f"hand_place_{c}_sd", c, "MISC", "hand", "m") for c in "xyz"]
+    columns += [(f"trunk_quat_{c}", f"quat_{c}", "ORNT", "trunk", "n/a") for c in "wxyz"]
+    columns += [("hand_place_signal", "n/a", "MISC", "hand", "dB"), ("hand_place_flags", "n/a", "MISC", "hand", "n/a")]
+    data += [*moved.place.T, *moved.place_sd.T, *moved.q_trunk.T, moved.signal, moved.place_flags.astype(float)]
 
 
 def _add_deviations(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:

@@ -1,0 +1,224 @@
+"""Where the hand is, seen from the trunk: a recording's or a glove's streams, followed by a magnet, live and in batch.
+
+In      blocks of trunk, hand and magnetometers; the plate as it was told; mounting of the sensors
+Out     the place of the hand's sensor from the trunk's in the trunk's axes, its standard deviation, flags, the trunk's orientation, the signal
+Source  magnet_tracking.py (Kortier, thesis ch. 5); flags: ours
+Limits  a place is that of the hand's sensor, not of a joint; which way the trunk faces is as its sensor's mounting says
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import magnet_setup, magnet_streams, magnet_tracking
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.gravity import GRAVITY
+from estimators.magnet_plate import Plate
+from estimators.magnet_streams import HAND, Waiting
+from estimators.magnet_tracking import MagnetParams, Setup, Track
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
+from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
+
+WORTH_SAYING = 0.001  # share of flagged samples
+NEAR = 0.1  # s to the nearest sample of the track
+UNHEARD = "the hand's place is not told"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceParams(MagnetParams):
+    sure: float = option(0.05, "m", "standard deviation of a place in its worst direction from which on the magnet is out of reach", "ours")
+    patience: float = option(0.1, "s", "how long a silent stream is waited for", "as the tracking's", least=0.01)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is followed with what; made before the first sample."""
+
+    params: PlaceParams
+    setup: Setup
+    magnetometers: tuple[str, ...]
+    q_BS: Array  # (4,) of the trunk's sensor
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs."""
+
+    waiting: Waiting
+    filter: magnet_tracking.State
+
+
+@dataclass(frozen=True)
+class Places:
+    """What a stretch of samples tells."""
+
+    t: Array  # (n,) s
+    place: Array  # (n, 3) m; NaN where there is none
+    sd: Array  # (n, 3) m
+    flags: NDArray[np.uint8]  # (n,)
+    q_trunk: Array  # (n, 4)
+    q_trunk_sd: Array  # (n, 3) rad
+    signal: Array  # (n,) dB; NaN where no magnetometer was read
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def setting(params: PlaceParams, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> Setting | None:
+    """What to follow with; None where nothing of it is worn. InputError says what is missing or cannot be."""
+    read = magnet_streams.magnetometers(streams)
+    inertial = {p for s in streams if s.inertial for p in s.sensors}
+    if plate is None and not read:
+        return None
+    if plate is None:
+        raise InputError(
+            f"{UNHEARD}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
+        )
+    missing = [what for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial)) if not there]
+    if missing or not read:
+        raise InputError(f"{UNHEARD}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}.")
+    untold = [name for name in read if name not in plate.places]
+    if len(untold) == len(read):
+        raise InputError(f"{UNHEARD}: MagnetSetup does not say where {', '.join(untold)} sits.")
+    names = tuple(name for name in read if name not in untold)
+    q_BS = mounting.get(TRUNK, quat.IDENTITY)
+    turned = np.array([quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names])
+    try:
+        array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), turned)
+        carried = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
+        setup = Setup(array, carried, plate.earth, plate.dip)
+        magnet_tracking.start(setup)
+    except InputError as problem:
+        raise InputError(f"{UNHEARD}: {problem}") from None
+    return Setting(_ranged(params, streams), setup, names, q_BS)
+
+
+def start(s: Setting) -> State:
+    return State(Waiting(s.magnetometers, {}), magnet_tracking.start(s.setup))
+
+
+def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Places]:
+    """Advance by blocks of any streams, cut anywhere."""
+    waiting, readings = magnet_streams.take(state.waiting, blocks, s.params.patience)
+    following, track = magnet_tracking.step(s.params, state.filter, readings)
+    return State(waiting, following), _told(s, track)
+
+
+def followed(s: Setting, blocks: Sequence[Block]) -> Places:
+    """A whole recording: the same steps as live. InputError where the readings cannot be T."""
+    waiting, first = magnet_streams.take(Waiting(s.magnetometers, {}), blocks, s.params.patience)
+    try:
+        magnet_setup.require_field(first.mag)
+    except InputError as problem:
+        raise InputError(f"{UNHEARD}: {problem}") from None
+    following, begun = magnet_tracking.step(s.params, magnet_tracking.start(s.setup), first)
+    _, late = magnet_tracking.step(s.params, following, magnet_streams.rest(waiting))
+    return joined([_told(s, begun), _told(s, late)])
+
+
+def joined(pieces: Sequence[Places]) -> Places:
+    names = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal")
+    return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in names))
+
+
+def attached(
+    params: PlaceParams, moved: Trajectory, blocks: Sequence[Block], plate: Plate | None, mounting: Mapping[str, Array]
+) -> tuple[Trajectory, list[str]]:
+    """The trajectory with the hand's place, and sentences of what is to be known; as it was where there is no magnet."""
+    try:
+        s = setting(params, plate, [b.stream for b in blocks], mounting)
+        if s is None or not len(moved):
+            return moved, []
+        places = followed(s, blocks)
+    except InputError as problem:
+        return moved, [str(problem)]
+    return (brought(moved, places), said(places)) if len(places) else (moved, [])
+
+
+def brought(moved: Trajectory, places: Places) -> Trajectory:
+    """The trajectory with places at its own instants."""
+    flags = places.flags[_nearest(places.t, moved.t)]
+    gone = np.abs(places.t[_nearest(places.t, moved.t)] - moved.t) > NEAR
+    flags = np.where(gone, np.uint8(PlaceFlag.MISSING), flags)
+    place, sd, q_sd = (_between(places.t, v, moved.t) for v in (places.place, places.sd, places.q_trunk_sd))
+    heard = np.isfinite(places.signal)
+    signal = np.interp(moved.t, places.t[heard], places.signal[heard]) if heard.any() else np.full(len(moved), np.nan)
+    hidden = gone[:, None]
+    return replace(
+        moved,
+        place=np.where(hidden, np.nan, place),
+        place_sd=np.where(hidden, np.nan, sd),
+        place_flags=flags,
+        q_trunk=np.where(hidden, np.nan, _turned(places, moved.t)),
+        q_trunk_sd=np.where(hidden, np.nan, q_sd),
+        signal=np.where(gone, np.nan, signal),
+    )
+
+
+def said(places: Places) -> list[str]:
+    """One sentence for each kind of doubt."""
+    shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
+    return [
+        f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
+        for flag, words in PLACE_WORDS.items()
+        if shares[flag] >= WORTH_SAYING
+    ]
+
+
+def _ranged(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
+    """The parameters with the full scales that the streams tell: the least where they differ."""
+    told: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
+    for s in streams:
+        if magnet_streams.concerned(s):
+            for quantity in told:
+                told[quantity] += [s.full_scale[quantity]] if s.full_scale.get(quantity) else []
+    gyr, acc, mag = (min(told[q], default=None) for q in (GYR, ACC, MAG))
+    return replace(
+        params,
+        gyr_range=params.gyr_range if gyr is None else float(np.degrees(gyr)),
+        acc_range=params.acc_range if acc is None else acc / GRAVITY,
+        mag_range=params.mag_range if mag is None else 1e6 * mag,
+    )
+
+
+def _told(s: Setting, track: Track) -> Places:
+    n = len(track)
+    flags = np.zeros(n, np.uint8)
+    with np.errstate(invalid="ignore"):
+        lost = ~np.isfinite(track.p_bt).all(axis=1) if n else np.zeros(0, bool)
+        far = track.p_sd.max(axis=1, initial=0.0) > s.params.sure
+    flags[lost] |= np.uint8(PlaceFlag.MISSING)
+    flags[far & ~lost] |= np.uint8(PlaceFlag.OUT_OF_REACH)
+    flags[track.doubtful & ~lost] |= np.uint8(PlaceFlag.DOUBTFUL)
+    flags[track.saturated.any(axis=1)] |= np.uint8(PlaceFlag.SATURATED)
+    heard = np.isfinite(track.snr)
+    loudest = np.where(heard, track.snr, -np.inf).max(axis=1, initial=-np.inf)
+    turn = np.abs(quat.matrix(s.q_BS)) if n else np.eye(3)
+    return Places(
+        track.t,
+        quat.rotate(s.q_BS, track.p_bt) if n else track.p_bt,
+        np.sqrt(track.p_sd**2 @ (turn**2).T),
+        flags,
+        quat.multiply(track.q_gb, quat.conjugate(s.q_BS)) if n else track.q_gb,
+        track.q_gb_sd,
+        np.where(np.isfinite(loudest), loudest, np.nan),
+    )
+
+
+def _nearest(t: Array, at: Array) -> NDArray[np.int_]:
+    after = np.clip(np.searchsorted(t, at), 1, max(len(t) - 1, 1))
+    return np.asarray(np.where(at - t[after - 1] < t[np.minimum(after, len(t) - 1)] - at, after - 1, np.minimum(after, len(t) - 1)))
+
+
+def _between(t: Array, values: Array, at: Array) -> Array:
+    return np.stack([np.interp(at, t, v) for v in values.T], axis=1)
+
+
+def _turned(places: Places, at: Array) -> Array:
+    """Orientations at the instants: the nearest one."""
+    return np.asarray(places.q_trunk[_nearest(places.t, at)])

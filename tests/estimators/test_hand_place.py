@@ -1,0 +1,140 @@
+"""The hand's place from streams as they are recorded: followed, told in the trunk's axes, flagged, cut anywhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators import hand_place, magnet_streams
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.hand_place import PlaceParams, Places, Setting
+from estimators.magnet_plate import Plate
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, MAG, Block, Stream
+from estimators.simulation import magnet as sim
+from estimators.simulation.magnet import MagnetErrors, Motion
+from estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
+from estimators.trajectory import PlaceFlag
+
+PARAMS = PlaceParams(gyr_reading="instant")
+CALIBRATED = MagnetErrors(hard_iron=0.2, soft_iron=0.004)
+Q_BS = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))  # sensor: x up, y right, z forward
+NAMES = ("trunk_mag_1", "trunk_mag_2", "trunk_mag_3", "trunk_mag_4")
+MOUNTING = dict.fromkeys(("trunk", *NAMES), Q_BS)
+
+
+def _worn(seed: int, errors: MagnetErrors = CALIBRATED) -> tuple[sim.Worn, Plate]:
+    worn = sim.worn(np.random.default_rng(seed), told=errors)
+    places = {name: (float(p[0]), float(p[1]), float(p[2])) for name, p in zip(NAMES, worn.told_places)}
+    m, lever = worn.told_moment, worn.told_lever
+    return worn, Plate(places, (m[0], m[1], m[2]), (lever[0], lever[1], lever[2]), EARTH, DIP)
+
+
+def _blocks(m: Motion, worn: sim.Worn, second: MagneticField | None = None) -> list[Block]:
+    """Three streams; the magnetometers give every other sample and begin a little later."""
+    rng = np.random.default_rng(5)
+    imu, mag = sim.inertial(worn, m, rng), sim.magnetic(worn, m, homogeneous(), rng, second=second)
+    streams = (
+        Stream("trunk", ("trunk",), (GYR, ACC), 60.0),
+        Stream("hand", ("hand",), (GYR, ACC), 60.0),
+        Stream("array", NAMES, (MAG,), 30.0),
+    )
+    return [Block(streams[0], m.t, imu[:, :1]), Block(streams[1], m.t, imu[:, 1:]), Block(streams[2], m.t[4::2], mag[4::2])]
+
+
+def _setting(plate: Plate, blocks: list[Block]) -> Setting:
+    found = hand_place.setting(PARAMS, plate, [b.stream for b in blocks], MOUNTING)
+    assert found is not None
+    return found
+
+
+def _off(m: Motion, places: Places) -> Array:
+    """Error (n,) m; forward, up, right of the trunk."""
+    true = quat.rotate(Q_BS, m.p_bt)[np.searchsorted(m.t, places.t - 1e-9)]
+    return np.asarray(np.linalg.norm(places.place - true, axis=1))
+
+
+@pytest.fixture(scope="module")
+def both() -> tuple[Motion, Plate, list[Block]]:
+    m = sim.condition("both", np.random.default_rng(11), 20.0)
+    worn, plate = _worn(1)
+    return m, plate, _blocks(m, worn)
+
+
+def test_the_hand_is_told_in_the_trunks_axes_within_the_target(both: tuple[Motion, Plate, list[Block]]) -> None:
+    m, plate, blocks = both
+    places = hand_place.followed(_setting(plate, blocks), blocks)
+    late = places.t > 5.0
+    assert np.sqrt((_off(m, places)[late] ** 2).mean()) < 0.015
+    assert (places.flags[late] == 0).mean() > 0.99
+    assert np.nanmax(places.signal) > 0.5  # dB
+
+
+def test_blocks_may_be_cut_anywhere_and_streams_may_come_in_turn(both: tuple[Motion, Plate, list[Block]]) -> None:
+    _, plate, blocks = both
+    s = _setting(plate, blocks)
+    state, told = hand_place.start(s), []
+    for k in range(0, 240, 5):
+        pieces = [b.between(k / 60 - 1e-6, (k + 5) / 60 - 1e-6) for b in blocks]
+        for piece in pieces:
+            state, places = hand_place.step(s, state, [piece])
+            told.append(places)
+    live, whole = hand_place.joined(told), hand_place.followed(s, [b.between(0.0, 245 / 60 - 1e-6) for b in blocks])
+    n = len(live)
+    assert n > 225
+    np.testing.assert_array_equal(live.place, whole.place[:n])
+    np.testing.assert_array_equal(live.flags, whole.flags[:n])
+
+
+def test_out_of_reach_and_a_second_magnet_are_flagged() -> None:
+    worn, plate = _worn(1)
+    m = sim.condition("both", np.random.default_rng(11), 20.0)
+    gone = sim.away(m, 8.0, 16.0)
+    places = hand_place.followed(_setting(plate, _blocks(gone, worn)), _blocks(gone, worn))
+    away = (places.t > 12.0) & (places.t < 15.0)
+    assert (places.flags[away] & PlaceFlag.OUT_OF_REACH != 0).mean() > 0.9
+    near = MagneticField(np.zeros(3), np.array([[0.15, 0.35, 0.0]]), np.array([[0.0, 3.0, 0.0]]))
+    disturbed = _blocks(m, worn, near)
+    assert (hand_place.followed(_setting(plate, disturbed), disturbed).flags & PlaceFlag.DOUBTFUL != 0).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"places": {name: (0.0, 100.0 * k, 0.0) for k, name in enumerate(NAMES)}}, "Places are in metres; were these millimetres"),
+        ({"earth": 49.8}, "it is 22 to 67 uT on Earth"),
+        ({"moment": (0.0, 0.0, 0.0)}, "is no magnet for a hand"),
+        ({"places": {"trunk": (0.0, 0.0, 0.0)}}, "MagnetSetup does not say where trunk_mag_1, trunk_mag_2"),
+    ],
+)
+def test_a_plate_that_cannot_be_is_refused_in_words(both: tuple[Motion, Plate, list[Block]], change: dict[str, object], words: str) -> None:
+    _, plate, blocks = both
+    with pytest.raises(InputError, match=f"^the hand's place is not told: .*{words}"):
+        hand_place.setting(PARAMS, replace(plate, **change), [b.stream for b in blocks], MOUNTING)  # type: ignore[arg-type]
+
+
+def test_a_glove_without_any_of_it_is_none_and_a_part_of_it_is_said(both: tuple[Motion, Plate, list[Block]]) -> None:
+    _, plate, (trunk, hand, array) = both
+    assert hand_place.setting(PARAMS, None, [hand.stream], {}) is None
+    for told, streams, words in (
+        (None, [trunk, hand, array], "nobody said where they and the magnet are"),
+        (plate, [hand, array], "no inertial sensor on the trunk"),
+        (plate, [trunk, hand], "no magnetometer on the trunk"),
+    ):
+        with pytest.raises(InputError, match=words):
+            hand_place.setting(PARAMS, told, [b.stream for b in streams], {})
+
+
+def test_readings_between_two_samples_lie_on_the_line_between_them_and_holes_stay_holes() -> None:
+    hand = Block(Stream("hand", ("hand",), (GYR, ACC), 10.0), np.arange(10) / 10, np.arange(10.0)[:, None, None] * np.ones(6))
+    t = np.array([0.05, 0.15, 0.25, 0.65, 0.75])
+    base = Block(Stream("trunk", ("trunk",), (GYR, ACC), 10.0), t, (10 * t)[:, None, None] * np.ones(6))
+    mag = Block(
+        Stream("m", ("trunk_mag_1",), (MAG,), 5.0), np.array([0.1, 0.32, 0.5]), np.array([1.0, 3.2, 5.0])[:, None, None] * np.ones(3)
+    )
+    waiting, early = magnet_streams.take(magnet_streams.Waiting(("trunk_mag_1",), {}), [hand, base, mag], 0.5)
+    late = magnet_streams.rest(waiting)
+    told, inertial = np.concatenate([early.mag[:, 0, 0], late.mag[:, 0, 0]]), np.concatenate([early.base[:, 0], late.base[:, 0]])
+    np.testing.assert_allclose(inertial, [np.nan, 1, 2, np.nan, np.nan, np.nan, np.nan, 7, np.nan, np.nan], atol=1e-12)
+    np.testing.assert_allclose(told, [np.nan, 1, np.nan, np.nan, 4, 5, np.nan, np.nan, np.nan, np.nan], atol=1e-12)
