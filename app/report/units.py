@@ -8,7 +8,15 @@ from app.language import Language
 from estimators.measures.figure import Figure
 
 DEG = 57.29577951308232  # of a rad
-READABLE = {"rad": ("deg", DEG), "rad/s": ("deg/s", DEG), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "T": ("uT", 1e6), "N/m": ("N/mm", 1e-3)}
+READABLE = {
+    "rad": ("deg", DEG),
+    "rad/s": ("deg/s", DEG),
+    "m": ("mm", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "T": ("uT", 1e6),
+    "m^3": ("l", 1e3),
+    "N/m": ("N/mm", 1e-3),
+}
 SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent
 
 TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order

@@ -4,7 +4,8 @@ In      a trajectory, the stretch of time of the task; marks `reach` where it wa
 Out     means over the reaches: movement time, peak speed, when it is reached, smoothness (SPARC, LDLJ), how far the hand turned, grip aperture
 Source  start and end at 2 % of the peak speed, time to peak: drinking task (Alt Murphy; JNER 2021, 10.1186/s12984-021-00895-3, Table 2); grip aperture: Valevicius 2018
         (PLoS ONE 0199549); SPARC and LDLJ: smoothness.py
-Limits  a glove knows no position: speed is the hand's angular speed; where the hand hardly turns, that of the fingertips against the wrist, as it opens and closes
+        what a magnet tells of the hand's place: reach_place.py
+Limits  a glove alone knows no position: speed is the hand's angular speed; where the hand hardly turns, that of the fingertips against the wrist, as it opens and closes
 """
 
 from collections.abc import Sequence
@@ -14,9 +15,11 @@ import numpy as np
 
 from estimators.hand_anatomy import FINGERS, SEGMENT
 from estimators.hand_geometry import HandGeometry
+from estimators.measures import reach_place
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds, worse
 from estimators.measures.held import within
+from estimators.measures.reach_place import PlaceMeasure, Where
 from estimators.measures.shown import Curve, Shown
 from estimators.measures.signals import Even, even, turning
 from estimators.measures.smoothness import log_dimensionless_jerk, sparc
@@ -29,7 +32,7 @@ DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's
 BALASUBRAMANIAN = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's angular speed"
 FINGERTIPS = "of the fingertips' speed against the wrist: the hand hardly turned"
 VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
-KINDS = kinds(
+OWN = kinds(
     Kind("reach_count", "1", "reaches that were measured", "ours"),
     Kind("reach_time", "s", "mean time from where the hand's angular speed rises above 2 % of its peak to where it falls below", DRINKING),
     Kind("reach_peak_speed", "rad/s", "mean of the hand's largest angular speed", DRINKING),
@@ -42,10 +45,11 @@ KINDS = kinds(
     Kind("reach_aperture_max", "m", "mean of the largest distance between thumb and index tip on the way", VALEVICIUS),
     Kind("reach_aperture_share", "1", "mean share of the movement time until the largest aperture", VALEVICIUS),
 )
+KINDS = {**OWN, **reach_place.KINDS}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(PlaceMeasure):
     threshold: float = option(0.02, "", "share of the peak speed at which a movement begins and ends", DRINKING, least=0.001, most=0.5)
     lowpass: float = option(10.0, "Hz", "what is faster is taken for noise", "ours: the highest frequency of SPARC", least=2.0)
     smallest: float = option(0.35, "rad/s", "a peak speed of the hand below this is no reach", "ours: 20 deg/s")
@@ -74,6 +78,7 @@ class Reach:
     reason: str
     t: Array
     speed: Array  # (n,) rad/s, or m/s
+    where: Where | None = None  # what a magnet tells of the hand's place
 
 
 def applies(task_name: str) -> bool:
@@ -111,7 +116,12 @@ def measure(
     if ways:
         told = grade_of(part.flags[:, [SEGMENT["hand"]]])
         told = told if turned else worse(told, ("fair", FINGERTIPS))
-    return Reach(tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values)  # 1 %: a gyroscope's scale
+    where = reach_place.places(params, part, spans, lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)))
+    return Reach(tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values, where)  # 1 %: a gyroscope's scale
+
+
+def _found(way: Way | None) -> reach_place.Found | None:
+    return None if way is None else (way.onset, way.end, way.values)
 
 
 def _ways(params: Params, signal: Even, aperture: Array, spans: Sequence[tuple[float, float]], smallest: float) -> list[Way]:
@@ -154,8 +164,8 @@ def of_speed(params: Params, t: Array, speed: Array, aperture: Array | None = No
 
 def figures(r: Reach) -> list[Figure]:
     """The flat list of figures: means over the reaches, with the standard error of their scatter and the instrument's."""
-    told, made = (r.grade, r.reason), [KINDS["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)]
-    for kind in list(KINDS.values())[1:]:
+    told, made = (r.grade, r.reason), [OWN["reach_count"].of(float(len(r.ways)), 0.0, r.grade, r.reason)]
+    for kind in list(OWN.values())[1:]:
         each = np.array([w.values[what] for w in r.ways if (what := kind.what.removeprefix("reach_")) in w.values])
         each = each[np.isfinite(each)] if r.turned or not kind.unit.startswith("rad") else each[:0]
         mean = float(each.mean()) if len(each) else np.nan
@@ -163,7 +173,7 @@ def figures(r: Reach) -> list[Figure]:
         scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
         sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
         made.append(kind.of(mean, sd, *told))
-    return made
+    return [*made, *reach_place.figures(r.where)]
 
 
 def shown(r: Reach) -> Shown:
@@ -172,4 +182,6 @@ def shown(r: Reach) -> Shown:
         return Shown()
     marks = {"movement_start": np.array([w.onset for w in r.ways]), "movement_end": np.array([w.end for w in r.ways])}
     curve = Curve("hand_speed", "rad/s", r.t, r.speed) if r.turned else Curve("fingertip_speed", "m/s", r.t, r.speed)
-    return Shown((curve,), marks)
+    if r.where is None:
+        return Shown((curve,), marks)
+    return Shown((curve, Curve("hand_distance", "m", r.where.t, r.where.distance)), marks)

@@ -17,7 +17,14 @@ COMMAND_LINE = (
     *("estimators/simulation", "estimators/six_positions.py"),
 )
 PROGRAMMERS = (
-    *("app/working_process.py", "sessions/frames.py", "estimators/force/sensor.py", "estimators/magnet_", "estimators/measures/signals.py"),
+    *(
+        "app/working_process.py",
+        "sessions/frames.py",
+        "estimators/force/sensor.py",
+        "estimators/magnet_localisation.py",
+        "estimators/magnet_tracking.py",
+        "estimators/measures/signals.py",
+    ),
     *("estimators/measures/independence.py", "estimators/measures/repeatability.py", "estimators/measures/smoothness.py"),
     *("estimators/measures/tapping.py", "estimators/measures/tremor.py"),
 )

@@ -1,0 +1,216 @@
+"""Reaching in metres: where the hand went, seen from the trunk, and what the trunk did meanwhile; only where a magnet tells the hand's place.
+
+In      a trajectory with the hand's place and the trunk's orientation, the stretches in which a reach was called
+Out     per reach: straight distance, way, straightness, peak speed, smoothness, lean and turn of the trunk; of all: farthest place, volume reached
+Source  straightness as the way over the straight distance, trunk compensation: Levin et al. 2002, Exp Brain Res 143:171; Subramanian et al. 2010,
+        Stroke 41:2303 (there of markers, the trunk by its displacement); SPARC and LDLJ: smoothness.py; volume: convex hull, its standard
+        deviation from its corners', taken as independent
+Limits  a place is the hand's against the trunk: what the trunk brings the hand forward is not in it, and is told as lean and turn, not in metres
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from estimators import quaternions as quat
+from estimators.measures.figure import TRUSTED, USABLE, Figure, Grade, Kind, kinds, worse
+from estimators.measures.signals import even
+from estimators.options import option
+from estimators.quaternions import Array
+from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
+
+LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
+OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
+NO_MAGNET = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
+UNKNOWN = np.uint8(PlaceFlag.MISSING | PlaceFlag.OUT_OF_REACH | PlaceFlag.DOUBTFUL)
+FEWEST = 8  # samples of a way
+
+KINDS = kinds(
+    Kind("reach_distance", "m", "mean straight distance of the hand from where a reach begins to where it ends, against the trunk", "ours"),
+    Kind("reach_way", "m", "mean length of the hand's way, against the trunk", "ours: the integral of its speed"),
+    Kind("reach_straightness", "1", "mean length of the way over the straight distance; 1 is straight", LEVIN),
+    Kind("reach_hand_speed", "m/s", "mean of the hand's largest speed against the trunk", "ours"),
+    Kind("reach_hand_sparc", "1", "mean spectral arc length of the hand's speed up to 10 Hz; nearer to zero is smoother", OF_PLACE),
+    Kind("reach_hand_ldlj", "1", "mean log dimensionless jerk of the hand's speed; nearer to zero is smoother", OF_PLACE),
+    Kind("reach_trunk_lean", "rad", "mean of how far the trunk's inclination leaves that at the beginning of a reach", LEVIN),
+    Kind("reach_trunk_turn", "rad", "mean of how far the trunk turns about the vertical from the beginning of a reach", LEVIN),
+    Kind("reach_farthest", "m", "largest distance of the hand's sensor from the trunk's", "ours"),
+    Kind("reach_volume", "m^3", "volume of the convex hull of the hand's places, against the trunk", "ours"),
+    Kind("reach_signal", "dB", "median of the loudest magnetometer's reading over the earth's field; near 0 the magnet is hardly heard", "Kortier, thesis (5.23)"),
+)  # fmt: skip
+OF_EACH = ("distance", "way", "straightness", "hand_speed", "hand_sparc", "hand_ldlj", "trunk_lean", "trunk_turn")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceMeasure:
+    """How places are looked at."""
+
+    smallest_way: float = option(0.05, "m/s", "a peak speed of the hand against the trunk below this is no reach", "ours")
+    smoothed: float = option(
+        6.0, "Hz", "what is faster in the hand's place is taken for noise", "ours: human reaches end at about 5 Hz", least=2.0
+    )
+
+
+@dataclass(frozen=True)
+class Single:
+    """Places of one reach."""
+
+    onset: float  # s
+    end: float  # s
+    values: Mapping[str, float]  # by what, without reach_
+    own_sd: Mapping[str, float]  # of the instrument
+
+
+@dataclass(frozen=True)
+class Where:
+    """What the places of a task tell."""
+
+    ways: tuple[Single, ...]
+    whole: Mapping[str, tuple[float, float | None]]  # farthest, volume, signal with the instrument's standard deviation
+    grade: Grade
+    reason: str
+    t: Array  # (n,) s
+    distance: Array  # (n,) m from the trunk
+
+
+Found = tuple[float, float, Mapping[str, float]]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
+OfSpeed = Callable[[Array, Array, float], Found | None]
+
+
+def places(params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], of_speed: OfSpeed) -> Where | None:
+    """What the places say of every stretch that was called; None where there is no magnet. `of_speed` finds one reach in a speed."""
+    if part.place is None or part.place_sd is None or part.place_flags is None or part.q_trunk is None or part.q_trunk_sd is None:
+        return None
+    good = ((part.place_flags & UNKNOWN) == 0) & np.isfinite(part.place).all(axis=1)
+    grade, reason = _graded(part)
+    distance = np.where(good, np.linalg.norm(part.place, axis=1), np.nan)
+    if grade == "poor" or good.sum() < FEWEST:
+        return Where((), {}, "poor", reason or "no place of the hand in reach of the magnetometers", part.t, distance)
+    ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed))]
+    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance)
+
+
+def figures(where: Where | None) -> list[Figure]:
+    """Means over the reaches with the standard error of their scatter and the instrument's; NaN with the reason where not measured."""
+    made = []
+    for what, kind in ((k.what.removeprefix("reach_"), k) for k in KINDS.values()):
+        if where is None:
+            made.append(kind.of(np.nan, None, "poor", NO_MAGNET))
+        elif what in OF_EACH:
+            each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
+            own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
+            made.append(kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), *_told(where, bool(len(each)))))
+        else:
+            value, sd = where.whole.get(what, (np.nan, None))
+            made.append(kind.of(value, sd, *_told(where, bool(np.isfinite(value)))))
+    return made
+
+
+def _told(where: Where, known: bool) -> tuple[Grade, str]:
+    return (where.grade, where.reason) if known or where.reason else ("poor", "no reach found: the hand's place hardly changed")
+
+
+def _sd(each: Array, own: Sequence[float]) -> float | None:
+    """Scatter of the reaches and what the instrument is off by, which does not average out."""
+    scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
+    instrument = float(np.mean(own)) if own else None
+    return None if scatter is None and instrument is None else float(np.hypot(scatter or 0.0, instrument or 0.0))
+
+
+def _graded(part: Trajectory) -> tuple[Grade, str]:
+    """How far the places can be trusted: where a fifth of them cannot, none is told."""
+    assert part.place_flags is not None
+    told: list[tuple[Grade, str]] = [("good", "")]
+    for flag, words in PLACE_WORDS.items():
+        share = float(((part.place_flags & flag) != 0).mean())
+        if share > 0.005:
+            told.append(
+                ("good" if share <= TRUSTED else "fair" if share <= USABLE else "poor", f"{words} in {100 * share:.0f} % of the samples")
+            )
+    return worse(*told)
+
+
+def _way(params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end: float, of_speed: OfSpeed) -> Single | None:
+    """One reach; None where nothing moved or its place is not known throughout."""
+    assert part.place is not None and part.place_sd is not None and part.q_trunk is not None and part.q_trunk_sd is not None
+    inside = (part.t >= onset) & (part.t <= end)
+    if inside.sum() < FEWEST or not good[inside].all():
+        return None
+    t = part.t[inside]
+    axes = [even(t, v, lowpass=params.smoothed) for v in part.place[inside].T]
+    place, grid = np.stack([a.values for a in axes], axis=1), axes[0].t
+    speed = np.linalg.norm(np.stack([a.slope() for a in axes], axis=1), axis=1)
+    found = of_speed(grid, speed, params.smallest_way)
+    if found is None:
+        return None
+    a, b, told = found
+    first, last = np.searchsorted(grid, [a - 1e-9, b - 1e-9])
+    k = np.flatnonzero(inside)
+    here, there = int(k[np.searchsorted(t, a - 1e-9)]), int(k[min(int(np.searchsorted(t, b - 1e-9)), len(t) - 1)])
+    across = place[last] - place[first]
+    distance = float(np.linalg.norm(across))
+    toward = across / max(distance, 1e-9)
+    sd = float(np.sqrt(((toward * part.place_sd[[here, there]]) ** 2).sum()))
+    lean, turn, turned = _trunk(part, slice(here, there + 1))
+    share = sd / max(distance, 1e-9)
+    values = {
+        "distance": distance,
+        "way": told["path"],
+        "straightness": told["path"] / max(distance, 1e-9),
+        "hand_speed": told["peak_speed"],
+        "hand_sparc": told["sparc"],
+        "hand_ldlj": told["ldlj"],
+        "trunk_lean": lean,
+        "trunk_turn": turn,
+    }
+    own = {
+        "distance": sd,
+        "way": share * told["path"],
+        "hand_speed": share * told["peak_speed"],
+        "trunk_lean": turned,
+        "trunk_turn": turned,
+    }
+    return Single(a, b, values, own)
+
+
+def _trunk(part: Trajectory, rows: slice) -> tuple[float, float, float]:
+    """Largest change of inclination and of heading from the first of the rows, and the standard deviation of either, rad."""
+    assert part.q_trunk is not None and part.q_trunk_sd is not None
+    q = part.q_trunk[rows]
+    up = quat.rotate(quat.conjugate(q), np.tile([0.0, 0.0, 1.0], (len(q), 1)))
+    lean = np.arccos(np.clip(up @ up[0], -1.0, 1.0))
+    turn = np.abs(quat.twist(quat.multiply(q, np.tile(quat.conjugate(q[0]), (len(q), 1))), 2))
+    sd = float(np.nanmean(part.q_trunk_sd[rows]))
+    return float(np.nanmax(lean)), float(np.nanmax(turn)), sd
+
+
+def _whole(part: Trajectory, good: Array) -> dict[str, tuple[float, float | None]]:
+    assert part.place is not None and part.place_sd is not None
+    place, sd = part.place[good], part.place_sd[good]
+    distance = np.linalg.norm(place, axis=1)
+    k = int(distance.argmax())
+    told: dict[str, tuple[float, float | None]] = {
+        "farthest": (float(distance[k]), float(np.sqrt(((place[k] / distance[k] * sd[k]) ** 2).sum()))),
+        "volume": volume(place, sd),
+    }
+    if part.signal is not None and np.isfinite(part.signal).any():
+        told["signal"] = float(np.nanmedian(part.signal)), None
+    return told
+
+
+def volume(place: Array, sd: Array) -> tuple[float, float | None]:
+    """Volume m^3 of the convex hull of places (n, 3) m with standard deviations (n, 3) m, and its own; NaN of what lies in a plane."""
+    try:
+        hull = ConvexHull(place)
+    except QhullError:
+        return float("nan"), None
+    middle = place[hull.vertices].mean(axis=0)
+    slope = np.zeros_like(place)
+    for corners, outward in zip(hull.simplices, hull.equations[:, :3]):
+        a, b, c = place[corners] - middle
+        sign = 1.0 if np.cross(b - a, c - a) @ outward > 0 else -1.0
+        for k, (v, w) in zip(corners, ((b, c), (c, a), (a, b))):
+            slope[k] += sign * np.cross(v, w) / 6.0
+    return float(hull.volume), float(np.sqrt(((slope * sd) ** 2).sum()))
