@@ -19,7 +19,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.small_matrices import variance_of
 
-_JOINTS: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6, 3) as the kernel takes them
+JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6 chains, 3) as kernels take them
 
 
 def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float, rest_sd: float) -> tuple[Array, Array, Array]:
@@ -28,7 +28,7 @@ def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length
 
     `rest_sd`, rad, is added to every rotation's.
     """
-    angles_sd, tips_sd, largest = _of_hand(_JOINTS, geometry.roots(), geometry.chain_offsets(), length_sd, rest_sd, angles, q_pc, P)
+    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), length_sd, rest_sd, angles, q_pc, P)
     return angles_sd, tips_sd, largest
 
 

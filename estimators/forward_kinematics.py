@@ -56,3 +56,6 @@ def _chained(q_GH: Array, q_pc: Array, q: Array) -> None:
     quat.multiply_row(q_GH, q_pc[0], q[0])
     for j in range(1, q_pc.shape[0]):
         quat.multiply_row(q[j - 1], q_pc[j], q[j])
+
+
+chained_row, places_row = _chained.row, _places.row  # as other kernels call them

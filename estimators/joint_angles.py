@@ -16,6 +16,8 @@ from estimators.hand_anatomy import ANGLES as ANGLES
 from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, LIMITS, PARENTS, PRONATION
 from estimators.quaternions import Array
 
+_FREE: Array = IS_DOF.astype(float)  # as a kernel takes it
+
 
 def decompose(q_pc: Array) -> Array:
     """Angles (..., 3) of rotations (..., 4)."""
@@ -34,7 +36,7 @@ def of_segments(q_GS: Array) -> Array:
 
 def constrained(angles: Array) -> Array:
     """Zero the angles that are no freedom of their joint and clip the others to the permitted range. Source: Salchow-Hoemmen 2019, 2.4.3."""
-    return np.where(IS_DOF, np.minimum(np.maximum(angles, LIMITS[..., 0]), LIMITS[..., 1]), angles * 0.0)  # NaN stays NaN
+    return _constrained(angles, _FREE, LIMITS)
 
 
 def only_freedoms(angles: Array) -> Array:
@@ -59,4 +61,15 @@ def _compose(angles: Array, row: Array, q: Array) -> None:
     q[0], q[1], q[2], q[3] = a * cy - d * sy, b * cy - e * sy, d * cy + a * sy, e * cy + b * sy
 
 
-decompose_row = _decompose.row  # as other kernels call it
+@rowwise("(a),(a),(a,b)->(a)")
+def _constrained(angles: Array, free: Array, limits: Array, allowed: Array) -> None:
+    for a in range(3):
+        if free[a] == 0:
+            allowed[a] = angles[a] * 0.0  # NaN stays NaN
+        elif angles[a] < limits[a, 0]:
+            allowed[a] = limits[a, 0]
+        else:
+            allowed[a] = limits[a, 1] if angles[a] > limits[a, 1] else angles[a]
+
+
+decompose_row, compose_row, constrained_row = _decompose.row, _compose.row, _constrained.row  # as other kernels call them

@@ -11,15 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from estimators import (
-    forward_kinematics,
-    functional_steps,
-    heading_constraints,
-    joint_angles,
-    magnetometers,
-    sensor_fusion,
-    time_base,
-)
+from estimators import functional_steps, hand_pose, heading_constraints, magnetometers, sensor_fusion, time_base
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
@@ -129,12 +121,7 @@ def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Tr
     if state.headings is not None:
         headings, q_GB, lost = heading_constraints.step(params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0)
         state, flags = replace(state, headings=headings), (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost
-    angles = joint_angles.of_segments(q_GB)
-    if params.constraints:
-        angles = joint_angles.constrained(angles)
-    q_pc = joint_angles.compose(angles)
-    chained = forward_kinematics.segments_on(q_GB[:, SEGMENT["hand"]], q_pc)
-    q_GS = np.where(np.isnan(chained), q_GB, chained) if params.constraints else q_GB
+    pose = hand_pose.posed(hand_pose.between(q_GB), q_GB, state.calibration.geometry, params.constraints)
+    q_GS = pose.q_GS if params.constraints else q_GB
     q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
-    tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
-    return state, Trajectory(state.calibration.hand, rows.t, joint_angles.only_freedoms(angles), q_GS, tips, flags)
+    return state, Trajectory(state.calibration.hand, rows.t, pose.freedoms, q_GS, pose.tips, flags)

@@ -18,8 +18,8 @@ from estimators import (
     ekf_alignment,
     ekf_deviations,
     finger_ekf,
-    forward_kinematics,
     functional_steps,
+    hand_pose,
     joint_angles,
     magnetometers,
     sensor_fusion,
@@ -27,11 +27,14 @@ from estimators import (
 )
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
+from estimators.compiled import rowwise
 from estimators.ekf_alignment import SENSORS
+from estimators.ekf_deviations import JOINTS_OF
 from estimators.ekf_seats import Seats
 from estimators.finger_ekf import FilterParams
-from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS
-from estimators.hand_anatomy import FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS
+from estimators.forward_kinematics import CHAIN_SEGMENTS
+from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
+from estimators.hand_pose import Pose
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Stream
@@ -39,7 +42,7 @@ from estimators.trajectory import Flag, Trajectory, empty, join
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
-WRIST, LOST = JOINT["wrist"], np.uint8(Flag.HEADING_LOST)
+LOST = np.uint8(Flag.HEADING_LOST)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,44 +190,43 @@ def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Tr
     q_GB = quat.multiply(rows.q_GS, state.q_SB)
     raw, samples = ekf_alignment.aligned(state.raw, rows, q_GB, params.gyr_reading == "instant", params.vertical == "fused", params.max_gap)
     chains, found = finger_ekf.step(params, state.chains, samples)
-    q_joint, known = _by_joint(found.q_joint), _by_joint(np.where(samples.known, 1.0, 0.0)[..., None]) > 0
-    angles = joint_angles.decompose(q_joint)  # NaN would change the last bit of its neighbours
-    if params.constraints:
-        angles = joint_angles.constrained(angles)
-    q_pc = np.where(known, joint_angles.compose(angles), np.nan)
-    angles = np.where(known, angles, np.nan)
-    chained = forward_kinematics.segments_on(q_GB[:, SEGMENT["hand"]], q_pc)
-    q_GS = np.where(np.isnan(chained), q_GB, chained)
-    tips = forward_kinematics.tips(q_pc, state.calibration.geometry)
-    sure = _sure(params, state, found, angles[found.told], q_pc[found.told])
+    q_pc = _by_joint(JOINTS_OF, found.q_joint, samples.known, np.zeros(len(JOINTS)))
+    pose = hand_pose.posed(q_pc, q_GB, state.calibration.geometry, params.constraints)
+    sure = _sure(params, state, found, pose)
     newest = np.searchsorted(found.told, np.arange(len(rows.t)), side="right")
     lost = sure.lost[newest] & ((rows.flags & LOST) != 0)
     moved = Trajectory(
         state.calibration.hand,
         rows.t,
-        joint_angles.only_freedoms(angles),
-        q_GS,
-        tips,
+        pose.freedoms,
+        pose.q_GS,
+        pose.tips,
         (rows.flags & ~LOST) | LOST * lost,
-        np.where(np.isnan(angles), np.nan, sure.angles_sd[newest]),
-        np.where(np.isnan(tips), np.nan, sure.tips_sd[newest]),
+        np.where(np.isnan(pose.angles), np.nan, sure.angles_sd[newest]),
+        np.where(np.isnan(pose.tips), np.nan, sure.tips_sd[newest]),
     )
     last = Sure(sure.angles_sd[-1], sure.tips_sd[-1], sure.lost[-1])
     return replace(state, raw=raw, chains=chains, sure=last), moved
 
 
-def _by_joint(values: Array) -> Array:
-    """Values (n, joints, k) of those of the chains (n, 6, 3, k)."""
-    found = np.empty((len(values), len(JOINTS), values.shape[-1]))
-    found[:, CHAIN_JOINTS], found[:, WRIST] = values[:, :5], values[:, 5, 0]
-    return found
+@rowwise("(c,k),(c,k,q),(c,k),(j)->(j,q)")
+def _by_joint(joints: Array, q_chains: Array, known: Array, row: Array, q_pc: Array) -> None:
+    """Rotations of all joints of those that the chains have of theirs, NaN where not known."""
+    for j in range(q_pc.shape[0]):
+        for a in range(4):
+            q_pc[j, a] = math.nan
+    for c in range(joints.shape[0]):
+        for k in range(joints.shape[1]):
+            for a in range(4 if known[c, k] > 0 else 0):
+                q_pc[int(joints[c, k]), a] = q_chains[c, k, a]
 
 
-def _sure(params: Params, state: State, found: finger_ekf.Estimate, angles: Array, q_pc: Array) -> Sure:
-    """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them; angles and q_pc where told."""
+def _sure(params: Params, state: State, found: finger_ekf.Estimate, pose: Pose) -> Sure:
+    """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them."""
     before = Sure(state.sure.angles_sd[None], state.sure.tips_sd[None], state.sure.lost[None])
     if not len(found.told):
         return before
+    angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
     rest_sd, geometry = math.radians(params.rest_of_sd), state.calibration.geometry
     angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, geometry, params.length_sd, rest_sd)
     return Sure(
