@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
+from estimators.compiled import inlined
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.small_matrices import block, product, put
+from estimators.small_matrices import block, product
 
 ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
 SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/ekf_magnetometers.py); nothing where it is not asked for
@@ -52,11 +52,6 @@ class Seats:
     aligned: NDArray[
         np.bool_
     ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
-
-
-def joints(q_pc: Array, seat: Array, skin: Array, turned: Array) -> Array:
-    """True joint rotations (..., 3, 4) after the sensors have turned by (..., 4, 4)."""
-    return _joints(q_pc, seat, skin, turned)
 
 
 def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats) -> Array:
@@ -165,12 +160,12 @@ def seated_row(q_pc: Array, seat: Array, skin: Array, q: Array, A: Array) -> Non
             block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
 
 
-@rowwise("(j,q),(s,q),(j,v),(s,q)->(j,q)")
-def _joints(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> None:
-    q_now, joints, q_SB, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
-    carried_row(q_pc.copy(), turned.copy(), q_now)
-    bent_row(q_now, seat.copy(), skin.copy(), joints, q_SB, flexion)
-    put(joints, q)
+@inlined
+def joints_row(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> None:
+    """True joint rotations (3, 4) after the sensors have turned by (4, 4)."""
+    q_now, q_SB, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    carried_row(q_pc, turned, q_now)
+    bent_row(q_now, seat, skin, q, q_SB, flexion)
 
 
 def _root(covariance: Array) -> Array:

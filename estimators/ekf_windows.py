@@ -54,6 +54,9 @@ def wound(
         put(own, J[s])
 
 
+wound_row = wound.row  # as other kernels call it
+
+
 @rowwise("(p),(s,q)->()")
 def alike(p: Array, T: Array, left: Array) -> None:
     """How much of what the fields at hand and tip differ by is left after their sensors have turned by T (4, 4): another after a radian or so."""

@@ -138,66 +138,79 @@ def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = L
 
 def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, Estimate]:
     """Advance by samples of any number, 0 included: nothing depends on where they are cut."""
-    n, chains, numbers = len(samples), len(state.q_pc), _numbers(params)
-    after, base, told, P = np.empty((n, chains, 4, 4)), np.empty(n, np.intp), [], []
-    states, first = [state], 0
-    while first < n:
-        if not np.array_equal(state.known, samples.known[first]):
+    numbers, told, P, first = _numbers(params), [], [], 0
+    q_joint, known = np.empty((len(samples), *state.q_pc.shape)), samples.known.astype(float)
+    while first < len(samples):
+        last, closes = _window(state.t + params.update - 1e-9, first, samples.t, samples.doubt, state.doubt, known, state.known)
+        if last == first:
             state = _started(params, numbers, state, samples, first)
-            states.append(state)
             told.append(first)
             P.append(_covariance(state.q_pc, state.seat, state.skin, state.P, np.zeros(9)))
-        last, closes = _window(params, state, samples, first)
-        state, after[first:last] = _turned(state, samples, first, last)
-        base[first:last] = len(states) - 1
+            continue
+        state, q_joint[first : int(last)] = _turned(state, samples, first, int(last))
+        first = int(last)
         if closes:
-            mag = np.full((chains, 2, 3), np.nan) if samples.mag is None else samples.mag[last - 1]
-            state, of_joints = _told(numbers, state, samples.acc[last - 1], mag)
-            states.append(state)
-            told.append(last - 1)
+            mag = np.full((len(state.q_pc), 2, 3), np.nan) if samples.mag is None else samples.mag[first - 1]
+            state, q_joint[first - 1], of_joints = _told(numbers, state, samples.acc[first - 1], mag)
+            told.append(first - 1)
             P.append(of_joints)
-            after[last - 1], base[last - 1] = state.turned, len(states) - 1
-        first = last
-    q_pc, seat, skin = (np.array([getattr(s, name) for s in states])[base] for name in ("q_pc", "seat", "skin"))
-    q_joint = ekf_seats.joints(q_pc, seat, skin, after)
-    return state, Estimate(q_joint, np.array(told, np.intp), np.array(P).reshape(-1, chains, 9, 9))
+    return state, Estimate(q_joint, np.array(told, np.intp), np.array(P).reshape(-1, len(state.q_pc), 9, 9))
 
 
-def _window(params: FilterParams, state: State, samples: Samples, first: int) -> tuple[int, bool]:
-    """Up to which row the window goes on before it closes or a joint appears or goes, and whether it closes with the last of them.
+@rowwise("(),(),(n),(n,f,s),(f,s),(n,f,j),(f,j)->(),()")
+def _window(
+    due: float, first: float, t: Array, doubt: Array, doubt_before: Array, known: Array, known_now: Array, last: Array, closes: Array
+) -> None:
+    """From row `first` up to which row the window goes on before it closes or a joint appears or goes, and whether it closes with the last of them.
 
     It closes at once where much may have been missed: the covariance must not tell for the rest of the window what was known before.
     """
-    due = int(samples.t.searchsorted(state.t + params.update - 1e-9))
-    last = max(min(due, len(samples) - 1), first) + 1
-    if samples.doubt[first:last].any() or state.doubt.any():
-        doubt = np.cumsum(np.concatenate([state.doubt[None], samples.doubt[first:last]]), axis=0)[1:]
-        if (unsure := doubt.max(axis=(1, 2)) > MUCH).any():
-            due = first + int(np.argmax(unsure))
-            last = due + 1
-    alike = (samples.known[first:last] == state.known).all(axis=(1, 2))
-    if not alike.all():
-        return first + int(np.argmin(alike)), False
-    return last, last - 1 >= due
+    missed = doubt_before.copy()
+    last[0], closes[0] = t.shape[0], 0.0
+    for k in range(int(first), t.shape[0]):
+        alike, ends = True, t[k] >= due
+        for f in range(missed.shape[0]):
+            for j in range(known_now.shape[1]):
+                alike = alike and known[k, f, j] == known_now[f, j]
+            for s in range(missed.shape[1]):
+                missed[f, s] += doubt[k, f, s]
+                ends = ends or missed[f, s] > MUCH
+        if ends or not alike:
+            last[0], closes[0] = (k + 1, 1.0) if alike else (k, 0.0)
+            break
 
 
 def _turned(state: State, samples: Samples, first: int, last: int) -> tuple[State, Array]:
-    """Add the turns of rows first..last to the open window; what the sensors have turned by after each of them (rows, F, 4, 4)."""
+    """Add the turns of rows first..last to the open window; the true joints after each of them (rows, F, 3, 4)."""
     turn, bias_time, doubt = (x[first:last].swapaxes(0, 1) for x in (samples.turn, samples.bias_time, samples.doubt))
-    after, *grown = ekf_windows.wound(turn, bias_time, doubt, state.bias, state.turned, state.by_bias, state.bias_time, state.doubt)
-    window = dict(zip(("by_bias", "bias_time", "doubt"), grown))
-    return replace(state, newest=float(samples.t[last - 1]), turned=after[:, -1], **window), after.swapaxes(0, 1)
+    window = state.turned, state.by_bias, state.bias_time, state.doubt
+    q_joint, *grown = _gone_on(turn, bias_time, doubt, state.bias, *window, state.q_pc, state.seat, state.skin)
+    ended = dict(zip(("turned", "by_bias", "bias_time", "doubt"), grown))
+    return replace(state, newest=float(samples.t[last - 1]), **ended), q_joint.swapaxes(0, 1)
 
 
-def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, Array]:
-    """The window's end becomes the state, a new window opens; what sensors and joints tell at that end (2.15); the covariance (F, 9, 9) of the true
-    joints' errors as the joints were seen before."""
+def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, Array, Array]:
+    """The window's end becomes the state, a new window opens; what sensors and joints tell at that end (2.15); the true joints (F, 3, 4) now, the
+    covariance (F, 9, 9) of their errors as the joints were seen before."""
     window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc, mag
     known_before = state.q_pc, state.bias, state.seat, state.skin, state.apart, state.P, state.up, state.rest, state.crept
-    *found, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
-    return replace(
-        _window_open(state), **dict(zip(("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept"), found))
-    ), of_joints
+    *found, q_joint, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
+    names = ("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept")
+    return replace(_window_open(state), **dict(zip(names, found))), q_joint, of_joints
+
+
+@rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s),(j,q),(s,q),(j,v)->(n,j,q),(s,q),(s,v,v),(s),(s)")
+def _gone_on(
+    turn: Array, time: Array, missed: Array, bias: Array, turned: Array, by_bias: Array, bias_time: Array, doubt: Array,
+    q_pc: Array, seat: Array, skin: Array,
+    q_joint: Array, T: Array, J: Array, timed: Array, doubted: Array,
+) -> None:  # fmt: skip
+    """The window goes on over all rows; where the joints are after each of them."""
+    after, q, m, k = np.empty((turn.shape[0], 4, 4)), q_pc.copy(), seat.copy(), skin.copy()
+    ekf_windows.wound_row(turn, time, missed, bias, turned, by_bias, bias_time, doubt, after, J, timed, doubted)
+    for row in range(turn.shape[0]):
+        ekf_seats.joints_row(q, m, k, after[row], q_joint[row])
+        put(after[row], T)
 
 
 @inlined
@@ -266,14 +279,14 @@ def _headed(
 
 @rowwise(
     "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(d)"
-    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(d,d)"
+    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(j,q),(d,d)"
 )
 def _updated(
     p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, mag: Array,
     known: Array, free: Array, limits: Array,
     q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
     q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, apart_new: Array, P_new: Array, up_new: Array, rest_new: Array,
-    crept_new: Array, of_joints: Array,
+    crept_new: Array, q_true: Array, of_joints: Array,
 ) -> None:  # fmt: skip
     """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
     q, C, T, left = np.empty((3, 4)), np.empty(P.shape), turned.copy(), np.empty(1)
@@ -301,6 +314,10 @@ def _updated(
         _headed(p, mag, vertical, rates, known, told, q, b, m, k, o, C)
         _rested(p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping)
     spread(A, C, of_joints)
+    for s in range(4):  # what opens now has not turned
+        T[s, 0], T[s, 1], T[s, 2], T[s, 3] = 1.0, 0.0, 0.0, 0.0
+    ekf_seats.joints_row(q, m, k, T, q_joint)
+    put(q_joint, q_true)
     put(q, q_pc_new)
     put(b, bias_new)
     put(m, seat_new)
