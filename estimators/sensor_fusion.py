@@ -8,8 +8,8 @@ Limits  without magnetometer the heading drifts with what is left of the gyrosco
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,15 @@ from vqf import VQF
 
 from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
-from estimators.missing_samples import complete, with_missing_instants
+from estimators.fusion_state import Oriented as Oriented
+from estimators.fusion_state import SensorState, Together
+from estimators.fusion_state import StreamState as StreamState
+from estimators.missing_samples import looked_at, with_missing_instants
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream, every
+from estimators.samples import MAG, Block, Stream, every
 from estimators.trajectory import Flag
 
-LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
 LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
 
 
@@ -73,47 +75,6 @@ class FusionParams:
     )
 
 
-@dataclass(frozen=True)
-class SensorState:
-    """One sensor's filter; `filter_state` is None until its first complete sample."""
-
-    start: Array | None  # (4,) q_GS to start from, None = from the first accelerometer sample
-    bias: Array  # (3,) rad/s, subtracted before the filter
-    known_until: float = np.inf  # s, `start` holds up to here; a sensor that begins later does not know its heading
-    north: float | None = None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
-    filter_state: Mapping[str, Any] | None = None
-    last: Array | None = None  # (6,) newest complete sample, bias still in it
-    last_t: float = -np.inf
-    previous: Array | None = None  # (6,) the one before, where nothing is missing between them
-    previous_t: float = -np.inf
-    q_GS: Array | None = None  # (4,) newest orientation
-    doubt: float = 0.0  # rad^2, variance of the heading that gaps have cost so far
-    lost: bool = False  # a gap was too long; true until the next calibration or magnetometer sample
-    northed: bool = False  # a magnetometer has given the heading
-    absent: bool = True  # at this moment there is nothing to bridge from
-
-
-@dataclass(frozen=True)
-class StreamState:
-    stream: Stream
-    sensors: tuple[SensorState, ...]
-    period: float  # s, between samples as they come
-    t: float = -np.inf  # newest sample seen
-    held: Block | None = None  # samples that wait until a gap at their end is over
-    held_sampled: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
-
-
-@dataclass(frozen=True)
-class Oriented:
-    """Orientations at the stream's samples and at the instants where samples are missing."""
-
-    t: Array  # (n,)
-    q_GS: Array  # (n, sensors, 4)
-    flags: NDArray[np.uint8]  # (n, sensors)
-    doubt: Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
-    sampled: NDArray[np.bool_]  # (n,) false at instants where the recording has no sample
-
-
 def start(
     stream: Stream,
     starts: Mapping[str, Array],
@@ -134,19 +95,17 @@ def start(
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
     """Advance by one block; samples behind an open gap are held until it closes or grows longer than `max_gap`."""
     block, sampled = with_missing_instants(block, state.t, state.period, params.max_gap)
-    block, sampled = _with_held(state, block), np.concatenate([state.held_sampled, sampled])
-    turning_too_fast, pushed_too_hard = block.at_limit(GYR), block.at_limit(ACC)
-    whole = complete(block) & ~turning_too_fast  # rates beyond the limit are bridged as missing ones are
-    return _advance(params, state, block, sampled, whole, turning_too_fast | pushed_too_hard, _settled(params, state, block.t, whole))
+    block, sampled = _with_held(state, block, sampled)
+    whole, limit = looked_at(block)
+    return _advance(params, state, block, sampled, whole, limit, _settled(params, state, block.t, whole))
 
 
 def finish(params: FusionParams, state: StreamState) -> tuple[StreamState, Oriented]:
     """Give out what is still held: at the end of the recording an open gap is a loss."""
-    nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.sensors), 3 * len(state.stream.quantities))))
-    held = _with_held(state, nothing)
-    turning_too_fast, pushed_too_hard = held.at_limit(GYR), held.at_limit(ACC)
-    whole = complete(held) & ~turning_too_fast
-    return _advance(params, state, held, state.held_sampled, whole, turning_too_fast | pushed_too_hard, len(held.t))
+    nothing = Block(state.stream, np.empty(0), np.empty((0, len(state.stream.sensors), 3 * len(state.stream.quantities))))
+    held, sampled = _with_held(state, nothing, np.empty(0, bool))
+    whole, limit = looked_at(held)
+    return _advance(params, state, held, sampled, whole, limit, len(held.t))
 
 
 def _advance(
@@ -160,29 +119,40 @@ def _advance(
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
-    flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
-    vqf = _vqf(params, state.period)
-    if (
-        count and whole[:count].all() and all(_goes_on(s) and not _has_north(s, block.values) for s in state.sensors)
-    ):  # what is almost always so
-        sensors, q_GS = _go_on(params, state.sensors, vqf, settled)
-        flags |= np.array([_headless(s) for s in sensors])
-        doubt = np.full(flags.shape, [s.doubt for s in sensors])
+    vqf, fused = _vqf(params, state.period), state.fused
+    if count and isinstance(fused, Together) and whole[:count].all():  # what is almost always so
+        fused, q_GS = _go_on(params, fused, vqf, settled)
+        flags = np.uint8(Flag.SATURATED) * limit[:count] | fused.headless
+        doubt = np.repeat(fused.doubt[None], count, axis=0)
     else:
-        sensors, q_GS, doubt = [], np.empty((count, len(state.sensors), 4)), np.empty((count, len(state.sensors)))
+        flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
+        sensors, q_GS, doubt = [], np.empty((count, whole.shape[1], 4)), np.empty((count, whole.shape[1]))
         for k, sensor in enumerate(state.sensors):
             after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, vqf, block, whole[:, k], k, count)
             flags[:, k] |= more
             sensors.append(after)
+        fused = _joined(tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
-    after_all = StreamState(state.stream, tuple(sensors), state.period, newest, held if len(held.t) else None, sampled[count:])
+    after_all = StreamState(state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:])
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
 
 
-def _with_held(state: StreamState, block: Block) -> Block:
+def _joined(sensors: tuple[SensorState, ...], samples: Array) -> tuple[SensorState, ...] | Together:
+    """The sensors together where all go on, and from gyroscope and accelerometer alone."""
+    if not sensors or not all(s.goes_on and not _has_north(s, samples) for s in sensors):
+        return sensors
+    columns = ([getattr(s, name) for s in sensors] for name in ("bias", "headless", "doubt", "filter_state", "last", "q_GS"))
+    bias, headless, doubt, filters, last, q_GS = columns
+    return Together(
+        sensors, np.array(bias), np.array(headless), np.array(doubt), tuple(filters), np.array(last), sensors[0].last_t, np.array(q_GS)
+    )
+
+
+def _with_held(state: StreamState, block: Block, sampled: NDArray[np.bool_]) -> tuple[Block, NDArray[np.bool_]]:
     if state.held is None:
-        return block
-    return Block(block.stream, np.concatenate([state.held.t, block.t]), np.concatenate([state.held.values, block.values]))
+        return block, sampled
+    t, values = np.concatenate([state.held.t, block.t]), np.concatenate([state.held.values, block.values])
+    return Block(block.stream, t, values), np.concatenate([state.held_sampled, sampled])
 
 
 def _settled(params: FusionParams, state: StreamState, t: Array, whole: NDArray[np.bool_]) -> int:
@@ -230,7 +200,7 @@ def _fuse(
             filled, doubt[first:last] = _bridged(sensor, block, k, whole, first, last)
             sensor, q_GS[first:last], disturbed = _filter(params, sensor, vqf, block, filled, first, last)
             fresh = _from_first(every(np.isfinite(filled[:, 6:]))) if _has_north(sensor, filled) else np.zeros(last - first, bool)
-            flags[first:last] = np.where(fresh, np.uint8(0), _headless(sensor)) | np.uint8(Flag.MAGNETIC) * disturbed
+            flags[first:last] = np.where(fresh, np.uint8(0), sensor.headless) | np.uint8(Flag.MAGNETIC) * disturbed
             known_now = float(doubt[last - 1]), bool(sensor.lost and not fresh[-1]), bool(sensor.northed or fresh[-1])
             if known_now != (sensor.doubt, sensor.lost, sensor.northed):  # rarely: a copy of all fields costs as much as the filter's step
                 sensor = replace(sensor, doubt=known_now[0], lost=known_now[1], northed=known_now[2])
@@ -241,7 +211,7 @@ def _fuse(
             )
             doubt[first:last] = sensor.doubt
             q_GS[first:last] = sensor.q_GS if sensor.q_GS is not None else np.nan
-            flags[first:last] = _headless(sensor)
+            flags[first:last] = sensor.headless
     return sensor, q_GS, flags, doubt
 
 
@@ -250,19 +220,9 @@ def _from_first(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.logical_or.accumulate(flags))
 
 
-def _goes_on(sensor: SensorState) -> bool:
-    """Whether the filter runs and nothing has been missed that it could not bridge."""
-    return sensor.filter_state is not None and not sensor.absent
-
-
 def _has_north(sensor: SensorState, samples: Array) -> bool:
     """Whether a magnetometer may turn this sensor: one that gave nothing in the pose has no relation to the pose's heading."""
     return samples.shape[-1] > 6 and (sensor.start is None or sensor.north is not None)
-
-
-def _headless(sensor: SensorState) -> np.uint8:
-    """Flags of a heading that is lost or was never known."""
-    return np.uint8((LOST if sensor.lost else 0) | (NEVER_KNOWN if sensor.start is None and not sensor.northed else 0))
 
 
 def _stretches(params: FusionParams, sensor: SensorState, t: Array, whole: NDArray[np.bool_]) -> list[tuple[int, int, bool]]:
@@ -312,17 +272,29 @@ def _vqf(params: FusionParams, period: float) -> VQF:
     )
 
 
-def _go_on(params: FusionParams, sensors: Sequence[SensorState], vqf: VQF, block: Block) -> tuple[list[SensorState], Array]:
+def _go_on(params: FusionParams, before: Together, vqf: VQF, block: Block) -> tuple[Together, Array]:
     """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
-    samples = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1))
-    rates = samples[..., :3] if params.gyr_reading == "mean" else np.stack([_midway(s, w[:, :3]) for s, w in zip(sensors, samples)])
-    gyr, acc = rates - np.array([s.bias for s in sensors])[:, None], samples[..., 3:].copy()
-    q_GS, after, t = np.empty((len(block.t), len(sensors), 4)), [], block.t
-    for k, sensor in enumerate(sensors):
-        vqf.state = sensor.filter_state
-        q_GS[:, k] = vqf.updateBatch(gyr[k], acc[k])["quat6D"]
-        after.append(_after(sensor, vqf, t, samples[k], q_GS[-1, k]))
-    return after, q_GS
+    samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
+    rates = samples[..., :3]
+    if params.gyr_reading != "mean":
+        rates = _midway(before.last[:, None, :3], rates)
+    gyr, acc = rates - before.bias[:, None], samples[..., 3:].copy()
+    q_GS, filters = np.empty((len(t), len(samples), 4)), []
+    for k, filter_state in enumerate(before.filter_states):
+        vqf.state = filter_state
+        q_GS[:, k] = _updated(vqf, gyr[k], acc[k])
+        filters.append(vqf.state)
+    previous, previous_t = (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
+    newest = tuple(filters), samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
+    return Together(before.begun, before.bias, before.headless, before.doubt, *newest), q_GS
+
+
+def _updated(vqf: VQF, gyr: Array, acc: Array) -> Array:
+    """Orientations (n, 4) by gyroscope and accelerometer; the library's call for many samples costs a single one three times as much."""
+    if len(gyr) == 1:
+        vqf.update(gyr[0], acc[0])
+        return np.asarray(vqf.getQuat6D())[None]
+    return np.asarray(vqf.updateBatch(gyr, acc)["quat6D"])
 
 
 def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
@@ -339,15 +311,17 @@ def _filter(
     params: FusionParams, sensor: SensorState, vqf: VQF, block: Block, samples: Array, first: int, last: int
 ) -> tuple[SensorState, Array, NDArray[np.bool_]]:
     """Orientations (n, 4) of rows first..last, and where the magnetometer saw another field than the one learnt (n,)."""
-    if not _goes_on(sensor):
+    if not sensor.goes_on:
         vqf.resetState()
-    vqf.state = sensor.filter_state if _goes_on(sensor) else _filter_start(vqf.state, sensor, samples[0])
-    rates = samples[:, :3] if params.gyr_reading == "mean" else _midway(sensor, samples[:, :3])
+    vqf.state = sensor.filter_state if sensor.goes_on else _filter_start(vqf.state, sensor, samples[0])
+    rates = samples[:, :3]
+    if params.gyr_reading != "mean":
+        rates = _midway(rates[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3], rates)
     gyr, acc = np.ascontiguousarray(rates - sensor.bias), np.ascontiguousarray(samples[:, 3:6])
     if _has_north(sensor, samples):
         q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
     else:
-        q_GS, disturbed = vqf.updateBatch(gyr, acc)["quat6D"], np.zeros(last - first, bool)
+        q_GS, disturbed = _updated(vqf, gyr, acc), np.zeros(last - first, bool)
     return _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]), q_GS, disturbed & params.mag_rejection
 
 
@@ -372,11 +346,10 @@ def _with_north(vqf: VQF, sensor: SensorState, gyr: Array, acc: Array, mag: Arra
     return (q_GS if sensor.north is None else quat.headed(q_GS, -sensor.north)), disturbed
 
 
-def _midway(sensor: SensorState, gyr: Array) -> Array:
-    """Rates (n, 3) halfway between a sample and the one before: the filter turns by rate times period, and a rate at its instant would run half a
-    period ahead (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
-    before = gyr[:1] if sensor.absent or sensor.last is None else sensor.last[None, :3]
-    return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[:-1]])))
+def _midway(before: Array, gyr: Array) -> Array:
+    """Rates (..., n, 3) halfway between a sample and the one before, that of the first (..., 1, 3): the filter turns by rate times period, and a rate at
+    its instant would run half a period ahead (1.7 deg in fast tapping at 100 Hz, halfway 0.1)."""
+    return np.asarray(0.5 * (gyr + np.concatenate([before, gyr[..., :-1, :]], axis=-2)))
 
 
 def _filter_start(fresh: Mapping[str, Any], sensor: SensorState, sample: Array) -> Mapping[str, Any]:
