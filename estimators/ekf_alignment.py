@@ -25,8 +25,9 @@ from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.missing_samples import complete_row
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row, every
+from estimators.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
 from estimators.sensor_fusion import LOST_DOUBT
+from estimators.small_matrices import put
 from estimators.time_base import Rows
 from estimators.trajectory import Flag
 
@@ -34,6 +35,7 @@ MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
 SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
 _SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
+_UNKNOWN: Array = np.full((len(SEGMENTS), 3), np.nan)
 _JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])  # (6, 3) which of them are joints: the wrist's chain has one
 
 
@@ -91,11 +93,12 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     `fused`: the vertical is that of the orientations, else the accelerometers'."""
     q_first, doubt_first = (q_GB[0], rows.doubt[0]) if state.q_GB is None or state.doubt is None else (state.q_GB, state.doubt)
     before = np.concatenate([q_first[None], q_GB[:-1]]), np.concatenate([doubt_first[None], rows.doubt[:-1]])
-    dt = np.diff(np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t]))
-    rate = np.full((len(rows.t), len(SEGMENTS), 3), np.nan)
-    acc = rate.copy()
-    for waiting in state.waiting.values():
-        _place(waiting, rows.t, dt, instant, rate, None if fused else acc)
+    times = np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t])
+    dt = times[1:] - times[:-1]
+    rate = acc = _UNKNOWN
+    for w in state.waiting.values():
+        if len(w.t):
+            rate, acc = _placed(w.t, w.gyr, w.acc, w.worn.segments, w.period, float(instant), float(fused), rows.t, dt, rate, acc)
     strange, appears = _appearing(state.strange, q_GB)
     numbers = float(fused), LOST_DOUBT / max(max_gap, 0.01)
     turn, bias_time, force, grown, known, q_first = _of_chains(
@@ -144,7 +147,7 @@ def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
 def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
     """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
     limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
-    gyr, acc = _in_segments(block.of(GYR)[:, worn.columns], block.of(ACC)[:, worn.columns], worn.bias, worn.q_BS, *limits)
+    gyr, acc = _in_segments(block.of(GYR), block.of(ACC), worn.columns, worn.bias, worn.q_BS, *limits)
     return gyr, acc
 
 
@@ -153,21 +156,24 @@ def _fields(worn: Worn, block: Block) -> Array:
     return 1e6 * quat.rotate(worn.q_BS, block.of(MAG)[:, worn.columns])
 
 
-@rowwise("(v),(v),(v),(q),(),()->(v),(v)")
-def _in_segments(gyr: Array, acc: Array, bias: Array, q_BS: Array, fastest: float, hardest: float, rate: Array, force: Array) -> None:
-    told, unbiased = np.empty(1, np.bool_), np.empty(3)
-    complete_row(gyr, acc, told)
-    whole = told[0]
-    for a in range(3):
-        unbiased[a] = gyr[a] - bias[a]
-    quat.rotate_row(q_BS, unbiased, rate)
-    quat.rotate_row(q_BS, acc, force)
-    beyond_row(gyr, fastest, told)
-    if not whole or told[0]:
-        rate[0], rate[1], rate[2] = math.nan, math.nan, math.nan
-    beyond_row(acc, hardest, told)
-    if not whole or told[0]:
-        force[0], force[1], force[2] = math.nan, math.nan, math.nan
+@rowwise("(c,v),(c,v),(w),(w,v),(w,q),(),()->(w,v),(w,v)")
+def _in_segments(
+    gyr: Array, acc: Array, columns: Array, bias: Array, q_BS: Array, fastest: float, hardest: float, rate: Array, force: Array
+) -> None:
+    unbiased, whole, told = np.empty(3), np.empty(1, np.bool_), np.empty(1, np.bool_)
+    for w in range(columns.shape[0]):
+        c = int(columns[w])
+        complete_row(gyr[c], acc[c], whole)
+        for a in range(3):
+            unbiased[a] = gyr[c, a] - bias[w, a]
+        quat.rotate_row(q_BS[w], unbiased, rate[w])
+        quat.rotate_row(q_BS[w], acc[c], force[w])
+        beyond_row(gyr[c], fastest, told)
+        if not whole[0] or told[0]:
+            rate[w, 0], rate[w, 1], rate[w, 2] = math.nan, math.nan, math.nan
+        beyond_row(acc[c], hardest, told)
+        if not whole[0] or told[0]:
+            force[w, 0], force[w, 1], force[w, 2] = math.nan, math.nan, math.nan
 
 
 @inlined
@@ -223,35 +229,33 @@ def _of_chains(
                     q_first[c, j, a] = 1.0 if a == 0 else 0.0
 
 
-def _place(waiting: Waiting, t: Array, dt: Array, instant: bool, rate: Array, acc: Array | None) -> None:
-    """Write a stream's own rates where it has a sample at the row and the one before, and its specific forces where they are asked for."""
-    if len(waiting.t) == 0:
-        return
-    after = np.minimum(np.searchsorted(waiting.t, t), len(waiting.t) - 1)
-    before = np.maximum(after - 1, 0)
-    period, segments, at = waiting.period, waiting.worn.segments, waiting.t[after]
-    regular = (at == t) & (np.abs(dt - period) < 0.25 * period) & (np.abs(at - waiting.t[before] - period) < 0.25 * period)
-    rates = 0.5 * (waiting.gyr[after] + waiting.gyr[before]) if instant else waiting.gyr[after]
-    own = regular[:, None] & every(np.isfinite(rates))
-    rate[:, segments] = np.where(own[..., None], rates, rate[:, segments])
-    if acc is not None:
-        acc[:, segments] = _between(waiting.t, waiting.acc, t, before, after, 1.5 * period, acc[:, segments])
-
-
-def _between(
-    known_t: Array, values: Array, t: Array, before: NDArray[np.int_], after: NDArray[np.int_], longest: float, otherwise: Array
-) -> Array:
-    """Values (n, sensors, 3) at t between their neighbours; `otherwise` where those are not within reach."""
-    span = known_t[after] - known_t[before]
-    inside = (known_t[before] <= t) & (t <= known_t[after]) & (span > 0) & (span < longest)
-    weight = np.where(inside, (t - known_t[before]) / np.where(span > 0, span, 1.0), 1.0)[:, None, None]
-    here = (known_t[after] == t)[:, None, None]
-    mixed = values[before] * (1 - weight) + values[after] * weight
-    return np.where(here, values[after], np.where(inside[:, None, None], mixed, otherwise))
+@rowwise("(m),(m,w,v),(m,w,v),(w),(),(),(),(),(),(s,v),(s,v)->(s,v),(s,v)")
+def _placed(
+    known_t: Array, gyr: Array, acc: Array, segments: Array, period: float, instant: float, fused: float, t: float, dt: float,
+    rate_before: Array, acc_before: Array, rate: Array, force: Array,
+) -> None:  # fmt: skip
+    """A stream's own rates where it has a sample at the row and the one before, and its specific forces where they are asked for."""
+    put(rate_before, rate)
+    put(acc_before, force)
+    after = min(np.searchsorted(known_t, t), known_t.shape[0] - 1)
+    before = max(after - 1, 0)
+    at, span = known_t[after], known_t[after] - known_t[before]
+    regular = at == t and abs(dt - period) < 0.25 * period and abs(span - period) < 0.25 * period
+    inside = known_t[before] <= t and t <= at and span > 0 and span < 1.5 * period
+    weight = (t - known_t[before]) / (span if inside else 1.0)
+    own = np.empty(3)
+    for w in range(segments.shape[0]):
+        s = int(segments[w])
+        for a in range(3):
+            own[a] = 0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant > 0 else gyr[after, w, a]
+            if fused == 0 and (at == t or inside):
+                force[s, a] = acc[after, w, a] if at == t else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
+        if regular and math.isfinite(own[0]) and math.isfinite(own[1]) and math.isfinite(own[2]):
+            rate[s, 0], rate[s, 1], rate[s, 2] = own[0], own[1], own[2]
 
 
 def _pruned(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
-    first = max(int(np.searchsorted(waiting.t, t, side="right")) - 1, 0)
+    first = max(int(waiting.t.searchsorted(t, side="right")) - 1, 0)
     kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:], None if waiting.mag is None else waiting.mag[first:]
     return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from estimators import joint_angles
 from estimators import quaternions as quat
-from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINT, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
+from estimators.compiled import rowwise, told_by_row
+from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
 from estimators.options import option
 from estimators.quaternions import Array
 
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints
 VERTICAL = np.array([0.0, 0.0, 1.0])
+_PARENTS, _CHILDREN, _SEGMENTS = PARENTS.astype(float), CHILDREN.astype(float), np.zeros(len(SEGMENTS))  # as kernels take them
+_HAND = SEGMENT["hand"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +88,22 @@ def step(
 
 def _lost(params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array) -> NDArray[np.bool_]:
     """Which headings (n, segments) are not known: by the look before, or because of a gap since."""
-    since = np.maximum(doubt - np.array([s.doubt for s in states])[newest], 0.0)
-    variance = np.array([s.variance for s in states])[newest] + since[:, PARENTS] + since[:, CHILDREN]
-    return np.asarray(_by_segment(1.0 * (variance > (params.heading_known * DEG) ** 2)) != 0)
+    variance, before = (np.array([getattr(s, name) for s in states])[newest] for name in ("variance", "doubt"))
+    return _unknown(_PARENTS, _CHILDREN, (params.heading_known * DEG) ** 2, variance, before, doubt)
+
+
+@told_by_row("(j),(j),(),(j),(s),(s)->(s)")
+def _unknown(
+    parents: Array, children: Array, most: float, variance: Array, doubt_before: Array, doubt: Array, lost: NDArray[np.bool_]
+) -> None:
+    for j in range(parents.shape[0]):
+        parent, child = int(parents[j]), int(children[j])
+        at_parent, at_child = doubt[parent] - doubt_before[parent], doubt[child] - doubt_before[child]
+        unsure = variance[j] + max(at_parent, 0.0) + max(at_child, 0.0) > most
+        if child == _HAND:
+            lost[parent], lost[child] = unsure, False
+        else:
+            lost[child] = lost[parent] or unsure
 
 
 def _looks(t_last: float, t: Array) -> NDArray[np.int_]:
@@ -139,10 +155,14 @@ def _slopes(angles: Array, up: Array) -> Array:
 
 def _by_segment(by_joint: Array) -> Array:
     """Sums (n, segments) of a joint's values (n, joints) over the joints between a segment and the hand; the forearm's is the wrist's, turned round."""
-    sums = np.zeros((len(by_joint), len(SEGMENTS)))
-    for joint in JOINTS:
-        if joint.name == "wrist":
-            sums[:, SEGMENT[joint.parent]] = -by_joint[:, JOINT[joint.name]]
+    return _summed(_PARENTS, _CHILDREN, by_joint, _SEGMENTS)
+
+
+@rowwise("(j),(j),(j),(s)->(s)")
+def _summed(parents: Array, children: Array, by_joint: Array, row: Array, sums: Array) -> None:
+    for j in range(parents.shape[0]):
+        parent, child = int(parents[j]), int(children[j])
+        if child == _HAND:
+            sums[parent], sums[child] = -by_joint[j], 0.0
         else:
-            sums[:, SEGMENT[joint.child]] = sums[:, SEGMENT[joint.parent]] + by_joint[:, JOINT[joint.name]]
-    return sums
+            sums[child] = sums[parent] + by_joint[j]

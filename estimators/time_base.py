@@ -21,6 +21,7 @@ from estimators.samples import Block, Stream
 from estimators.sensor_fusion import Oriented
 from estimators.trajectory import Flag
 
+Places = slice | NDArray[np.intp]
 NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degree
 
 
@@ -125,8 +126,8 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
     slowest = min(w.newest for w in state.waiting.values())
     reached = max(slowest, newest - patience)
     reference = state.waiting[state.reference]
-    row = (reference.data.t > state.t) & (reference.data.t <= reached) & reference.data.sampled
-    t = reference.data.t[row]
+    first, last = (int(reference.data.t.searchsorted(at, side="right")) for at in (state.t, reached))
+    t = reference.data.t[first:last][reference.data.sampled[first:last]]
     if not len(t):
         return state, _no_rows()
     rows = Rows(
@@ -140,23 +141,22 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
 
 def _place(rows: Rows, waiting: Waiting) -> None:
     """Write the stream's segments into the rows, interpolated between the samples around each instant; outside them another stream goes first."""
-    sensors, segments = _worn(waiting.stream.sensors)
+    count, sensors, segments = _worn(waiting.stream.sensors)
     data, t = waiting.data, rows.t
-    if not len(sensors) or not len(t) or not len(data.t):
+    if not count or not len(t) or not len(data.t):
         return
-    after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
-    own = slice(after[0], after[0] + len(t))
+    first = int(data.t.searchsorted(t[0]))
+    own = slice(first, first + len(t))
     if np.array_equal(data.t[own], t):  # the stream has samples at just these instants: the same bits without interpolation
         rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[own, sensors], data.flags[own, sensors]
         rows.doubt[:, segments] = data.doubt[own, sensors]
         return
+    after = np.minimum(np.searchsorted(data.t, t), len(data.t) - 1)
     before = np.where(data.t[after] == t, after, np.maximum(after - 1, 0))
     span = data.t[after] - data.t[before]
     weight = np.where(span > 0, (t - data.t[before]) / np.where(span > 0, span, 1.0), 0.0)
     early, late = t < data.t[0] - 1.5 / waiting.stream.rate, t > data.t[-1] + 1.5 / waiting.stream.rate
-    q_GS = quat.slerp(
-        data.q_GS[before][:, sensors], data.q_GS[after][:, sensors], np.clip(weight, 0.0, 1.0)[:, None] * np.ones(len(sensors))
-    )
+    q_GS = quat.slerp(data.q_GS[before][:, sensors], data.q_GS[after][:, sensors], np.clip(weight, 0.0, 1.0)[:, None] * np.ones(count))
     q_GS = np.where(early[:, None, None], np.nan, q_GS)
     missing = np.where(early | late, Flag.MISSING, 0).astype(np.uint8)
     flags = data.flags[before][:, sensors] | data.flags[after][:, sensors] | missing[:, None]
@@ -167,10 +167,16 @@ def _place(rows: Rows, waiting: Waiting) -> None:
 
 
 @cache
-def _worn(sensors: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Which of a stream's sensors sit on the hand, and on which segments."""
+def _worn(sensors: tuple[str, ...]) -> tuple[int, Places, Places]:
+    """How many of a stream's sensors sit on the hand, which they are, and on which segments."""
     columns = [k for k, name in enumerate(sensors) if name in SEGMENT]
-    return np.array(columns, np.intp), np.array([SEGMENT[sensors[k]] for k in columns], np.intp)
+    return len(columns), _places(columns), _places([SEGMENT[sensors[k]] for k in columns])
+
+
+def _places(numbers: list[int]) -> Places:
+    """What numpy is to be asked for: neighbours as a slice, which it gives without copying."""
+    first = numbers[0] if numbers else 0
+    return slice(first, first + len(numbers)) if numbers == list(range(first, first + len(numbers))) else np.array(numbers, np.intp)
 
 
 def _no_rows() -> Rows:
@@ -187,7 +193,7 @@ def _append(a: Oriented, b: Oriented) -> Oriented:
 
 def _prune(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
-    first = max(int(np.searchsorted(waiting.data.t, t, side="right")) - 1, 0)
+    first = max(int(waiting.data.t.searchsorted(t, side="right")) - 1, 0)
     return Waiting(waiting.stream, Oriented(*(values[first:] for values in _of(waiting.data))))
 
 
