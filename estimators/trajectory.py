@@ -158,6 +158,6 @@ def _appended(grown: Array | None, rows: int, values: Array) -> Array:
         grown = np.empty((0, *values.shape[1:]), values.dtype)
     needed = rows + len(values)
     if needed > len(grown):
-        grown.resize((max(needed, 2 * len(grown)), *grown.shape[1:]), refcheck=False)  # the system moves pages, it copies nothing
+        grown.resize((max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False)  # the system moves pages, it copies nothing
     grown[rows:needed] = values
     return grown
