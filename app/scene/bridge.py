@@ -6,8 +6,10 @@ The page at `/scene/<id>/` connects to the web socket `/scene/<id>` (the address
 import asyncio
 import gzip
 import re
+from base64 import b64encode
 from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 import viser
@@ -16,6 +18,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin, Subprotocol
 
+from app.scene import packed_program
 from app.scene.guarded_server import HOST
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
@@ -41,13 +44,26 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
 @cache
 def client_page() -> bytes:
     """viser's page, one file without any other, its own controls and messages hidden: ours draws them."""
-    return without_controls((Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")).encode()
+    return without_controls(_as_it_comes()).encode()
 
 
 def without_controls(page: str) -> str:
     """viser's page with its own controls and messages hidden."""
     assert "</head>" in page
     return re.sub(r"<title>.*?</title>", "", page, count=1).replace("</head>", _HEAD + "</head>", 1)
+
+
+@cache
+def scripts() -> tuple[str, ...]:
+    """What the policy names the page's scripts by: those that stand in it, and the program that the first of them unpacks and puts there."""
+    standing = [found.encode() for found in re.findall(r"<script[^>]*>(.*?)</script>", client_page().decode(), re.DOTALL)]
+    return tuple(
+        f"'sha256-{b64encode(sha256(script).digest()).decode()}'" for script in (*standing, packed_program.program(_as_it_comes()))
+    )
+
+
+def _as_it_comes() -> str:
+    return (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
 
 
 @cache
@@ -65,7 +81,7 @@ def policy(host: str) -> str:
         raise ValueError(f"{host!r} is not a host name")
     rules = {
         "default-src": "'none'",
-        "script-src": "'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+        "script-src": f"{' '.join(scripts())} 'wasm-unsafe-eval'",
         "worker-src": "blob:",
         "style-src": "'unsafe-inline'",
         "img-src": "'self' data: blob:",

@@ -103,6 +103,22 @@ def test_with_the_policy_a_link_does_not_take_the_page_to_a_strangers_scene(brow
         assert evil.visits == []
 
 
+INLINE = """() => {
+  const written = document.createElement("script");
+  written.textContent = "document.title = 'ran'";
+  document.head.append(written);
+  document.body.insertAdjacentHTML("beforeend", "<img src='data:,' onerror='document.title = `ran`'>");
+}"""
+
+
+def test_with_the_policy_only_visers_own_scripts_run(browser: Browser, served: Site) -> None:
+    with following(browser, served, "") as (page, said):
+        page.wait_for_selector("canvas")  # viser's do
+        page.evaluate(INLINE)
+        eventually(lambda: page.title() and len([line for line in said if "inline" in line and "Content Security Policy" in line]) >= 2)
+        assert page.title() == "Hand"
+
+
 def test_a_strangers_page_cannot_reach_the_scene(browser: Browser, scene: HandScene) -> None:
     """What plain viser allows: any page the clinician has open connects to the loopback port and reads along."""
     context = browser.new_context()
