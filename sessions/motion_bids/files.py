@@ -25,7 +25,7 @@ def open_files(path: Path) -> Files:
         return _folder(path)
     if not path.exists():
         raise InputError(f"{path} does not exist; give a Motion-BIDS folder or zip, or a native recording")
-    if not zipfile.is_zipfile(path):
+    if not _is_zip(path):
         with path.open("rb") as file:
             begins_like_zip = file.read(4) == b"PK\x03\x04"
         what = (
@@ -52,6 +52,13 @@ def checksum(files: Files) -> str:
     return total.hexdigest()
 
 
+def _is_zip(path: Path) -> bool:
+    try:
+        return zipfile.is_zipfile(path)
+    except zipfile.BadZipFile:  # one that names further disks
+        return False
+
+
 def _folder(path: Path) -> dict[str, Pieces]:
     found = sorted(p for p in path.rglob("*") if p.suffix in WANTED and p.is_file() and p.resolve().is_relative_to(path.resolve()))
     if len(found) > MOST_FILES:
@@ -67,7 +74,9 @@ def _of_file(path: Path) -> Iterator[bytes]:
 def _zip(path: Path) -> dict[str, Pieces]:
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+            entries = [
+                entry for entry in archive.infolist() if not entry.filename.endswith("/")
+            ]  # is_dir() fails on a name without a letter
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         raise InputError(f"{path.name} is a damaged or cut zip; copy or download it again") from None
     _refuse_tricks(path.name, entries)
