@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from cobs import cobs
 
 from sessions.wire.messages import BadPayloadError, Identity, Message, decode, encode
+from sessions.wire.stuffing import unstuffed
 
 LONGEST = (
     4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample
@@ -62,11 +63,8 @@ class Decoder:
             self._rest, self._skipping = b"", True
 
     def _open(self, frame: bytes) -> Message | None:
-        try:
-            body = cobs.decode(frame)
-        except cobs.DecodeError:
-            body = b""
-        if len(frame) > LONGEST or len(body) < 7 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
+        body = unstuffed(frame) if len(frame) <= LONGEST else None
+        if body is None or len(body) < 7 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
             self._count(corrupt=1, garbage_bytes=len(frame) + 1)
             return None
         code, sequence = struct.unpack_from("<BH", body)

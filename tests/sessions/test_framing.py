@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sessions.wire.framing import LONGEST, Counters, Decoder, Encoder
 from sessions.wire.messages import Identity, Message, Ping, Samples
+from sessions.wire.stuffing import unstuffed
 from tests.glove import identity
 from tests.sessions.test_messages import ANY
 
@@ -183,3 +184,13 @@ def test_the_same_identity_again_is_no_new_beginning() -> None:
     encoder = Encoder()
     frames = [encoder.frame(m) for m in (identity(1), Ping(1), identity(1), Ping(2))]
     assert _decoded([*frames[:2], frames[0], *frames[2:]])[1] == Counters(frames=4, repeated=1)
+
+
+@given(st.binary(max_size=600) | st.lists(st.sampled_from([b"\0", b"\1", b"\2", b"\xff", b"x" * 254]), max_size=8).map(b"".join))
+def test_frames_are_unstuffed_as_the_reference_does(data: bytes) -> None:
+    assert unstuffed(cobs.encode(data)) == data
+    try:
+        expected = cobs.decode(data)
+    except cobs.DecodeError:
+        expected = None
+    assert unstuffed(data) == expected
