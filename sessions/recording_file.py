@@ -11,15 +11,22 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import IO, Any
 
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
+from estimators.errors import InputError
 from sessions.recorder import CHANNELS, PROFILE
 
 LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
+LZ4_MOST = 255  # bytes that one of lz4 becomes at most
+RATIO, MOST = (
+    20,
+    4 * 2**30,
+)  # of unpacked to packed in a whole file, and bytes of it: a recorder's chunks hardly shrink, hours are less than a GB
 HEAD = 9  # bytes of a record before its content: opcode and length
 CHUNK_MARK, MARK_AT = b"\x04\0\0\0zstd", 37  # what stands in every chunk record of a recorder, and where
 SIZES = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
@@ -56,10 +63,16 @@ def messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Message]]:
 
 def _records(file: IO[bytes], size: int, found: Findings) -> Iterator[list[Any] | None]:
     """What each good record holds, None for one that is damaged."""
+    unpacked = 0
     file.seek(0)
     at: int | None = len(MAGIC) if file.read(len(MAGIC)) == MAGIC else _next_chunk(file, 0)
     while at is not None and at < size:
         opcode, end, inside = _record(file, at, size)
+        unpacked += sum(len(record.data) for record in inside or () if isinstance(record, Message))
+        if unpacked > min(RATIO * size, MOST) + LARGEST:
+            raise InputError(
+                f"the recording unpacks to more than {unpacked / 2**20:.0f} MB from {size / 2**20:.1f} MB; no glove sends that, it was not opened"
+            )
         yield inside
         if inside is None:
             after = _next_chunk(file, at + 1)
@@ -92,11 +105,21 @@ def _inside(opcode: int, content: bytes) -> list[Any] | None:
     stream = ReadDataStream(BytesIO(content))
     if opcode == Opcode.CHUNK:
         chunk = Chunk.read(stream)
-        return list(breakup_chunk(chunk, validate_crc=True)) if stream.count == len(content) else None
+        if stream.count != len(content) or _unpacked_size(chunk) > LARGEST:
+            return None
+        return list(breakup_chunk(chunk, validate_crc=True))
     if opcode == Opcode.HEADER:
         header = Header.read(stream)
         return [header] if stream.count == len(content) else None
     return [] if opcode in list(Opcode) else None
+
+
+def _unpacked_size(chunk: Chunk) -> int:
+    """Bytes that the data may unpack to: a decompressor believes what the data says, were it more than there is memory."""
+    if chunk.compression == "zstd":
+        told = zstandard.frame_content_size(chunk.data)
+        return chunk.uncompressed_size if told < 0 else int(told)  # it does not say: then no more is unpacked than the chunk says
+    return LZ4_MOST * len(chunk.data) if chunk.compression == "lz4" else len(chunk.data)
 
 
 def _next_chunk(file: IO[bytes], start: int) -> int | None:
