@@ -34,6 +34,7 @@ from app.jobs import Jobs
 from app.live.station import Station
 from app.live.stations import Stations
 from app.moving_out import MovingOut
+from app.opening import Opening
 from app.settings import Settings
 from app.version import software_version
 from estimators.errors import InputError
@@ -62,10 +63,11 @@ def create_app(settings: Settings) -> FastAPI:
         moving_out = MovingOut(store, settings.cache_bytes) if store.away else None
         with (
             moving_out or nullcontext(),
+            Opening() as opening,
             Jobs(store) as jobs,
             Stations(lambda station: _finished(app.state.parts, station)) as open_stations,
         ):
-            app.state.parts = Parts(settings, store, jobs, open_stations, moving_out)
+            app.state.parts = Parts(settings, store, jobs, open_stations, opening, moving_out)
             await anyio.to_thread.run_sync(_recover, app.state.parts)
             with _measured(app.state.parts):
                 yield

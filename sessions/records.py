@@ -3,7 +3,7 @@
 import shutil
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,17 @@ from sessions.store import Store
 from sessions.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
 
 FINISH_WAIT = 10.0  # s that closing a session waits for its recorder
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What is kept of an uploaded recording beside its file."""
+
+    hand: Hand
+    started: datetime | None  # where it tells that
+    bytes: int
+    sha256: str
+    summary: Mapping[str, Any]
 
 
 def begin(
@@ -49,13 +60,21 @@ def close(db: Session, store: Store, session_id: int) -> PatientSession:
     return session
 
 
-def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
-    """Keep an uploaded recording as a session of its own, only when it can be opened; `upload` is moved into the store.
+def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
+    """What an uploaded recording holds, called `name` where it was; takes seconds of a core. InputError where it cannot be opened."""
+    try:
+        recording = formats.load(upload, hand)
+    except InputError as mistake:
+        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+    return Upload(recording.hand, _start_of(recording), upload.stat().st_size, native.file_checksum(upload), summary(recording))
+
+
+def keep_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, found: Upload) -> PatientSession:
+    """Keep an uploaded recording that was read as a session of its own; `upload` is moved into the store.
 
     Until the session is kept the file's place is told as one to be removed, so that a crash between the two leaves no file without a session.
     """
     suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
-    recording = _opened(upload, name, hand)
     place = store.new_recording(suffix)
     fleeting = ErasedFile(file=place)
     db.add(fleeting)
@@ -63,11 +82,11 @@ def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: 
     shutil.move(upload, store.path_of(place))
     try:
         moment = now()
-        session = PatientSession(patient=patient, hand=recording.hand, geometry={}, state="recorded", finished=moment)
-        session.started = _start_of(recording) or moment
+        session = PatientSession(patient=patient, hand=found.hand, geometry={}, state="recorded", finished=moment)
+        session.started = found.started or moment
         kind = "native" if suffix == native.SUFFIX else "motion-bids"
         file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
-        _describe(file, store, recording)
+        file.bytes, file.sha256, file.summary = found.bytes, found.sha256, dict(found.summary)
         db.add_all([session, file])
         db.delete(fleeting)
         db.commit()
@@ -76,6 +95,11 @@ def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: 
         store.path_of(place).unlink(missing_ok=True)
         raise
     return session
+
+
+def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
+    """Read an uploaded recording and keep it, only when it can be opened."""
+    return keep_upload(db, store, patient, upload, name, read_upload(upload, name, hand))
 
 
 def get(db: Session, session_id: int) -> PatientSession:
@@ -117,13 +141,6 @@ def _require_finished(path: Path) -> None:
         time.sleep(0.05)
 
 
-def _opened(upload: Path, name: str, hand: Hand | None) -> LoadedRecording:
-    try:
-        return formats.load(upload, hand)
-    except InputError as mistake:
-        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
-
-
 def _start_of(recording: LoadedRecording) -> datetime | None:
     """When it was recorded, where it tells that with its zone."""
     try:
@@ -133,11 +150,11 @@ def _start_of(recording: LoadedRecording) -> datetime | None:
     return start if start.tzinfo else start.replace(tzinfo=UTC)
 
 
-def _describe(file: RecordingFile, store: Store, recording: LoadedRecording | None = None) -> None:
+def _describe(file: RecordingFile, store: Store) -> None:
     """Size, checksum and summary of a closed file; a file that holds no samples keeps sha256 None."""
     path = store.path_of(file.file)
     try:
-        recording = recording or formats.load(path, hand_of(file.session.hand))
+        recording = formats.load(path, hand_of(file.session.hand))
     except InputError as problem:
         file.summary = {"problem": str(problem).replace(path.name, "the recording")}
         return

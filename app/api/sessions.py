@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+from anyio import to_thread
 from fastapi import APIRouter, Form, UploadFile
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse
@@ -99,7 +100,8 @@ async def upload_recording(
             async for piece in _pieces(file, parts.settings.largest_upload):
                 parts.store.require_room(len(piece) + 2**20)
                 target.write(piece)
-        session = records.add_upload(db, parts.store, patient, Path(place), name, records.hand_of(hand) if hand else None)
+        found = await parts.opening.read(Path(place), name, records.hand_of(hand) if hand else None)
+        session = await to_thread.run_sync(records.keep_upload, db, parts.store, patient, Path(place), name, found)
     finally:
         Path(place).unlink(missing_ok=True)
     result = _queue(db, parts, session, method, {})

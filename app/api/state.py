@@ -16,6 +16,7 @@ from app.language import Language
 from app.live.replay import Replay
 from app.live.stations import AnyStation, Stations
 from app.moving_out import MovingOut
+from app.opening import Opening
 from app.settings import Settings
 from estimators.errors import InputError
 from sessions import audit
@@ -28,6 +29,7 @@ class Parts:
     store: Store
     jobs: Jobs
     stations: Stations
+    opening: Opening
     moving_out: MovingOut | None  # where an object storage is attached
     bulletins: Bulletins = field(default_factory=Bulletins)
 
