@@ -28,6 +28,7 @@ from estimators.sensor_fusion import upright
 from estimators.zero_velocity import likelihood_ratios
 
 DEG = np.pi / 180
+ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
 
@@ -49,10 +50,10 @@ class MagnetParams:
     lever_error: float = option(0.001, "m", "error of the magnet's place on the hand", "Kortier thesis 5.2.4: a ruler; size ours")
     alike: float = option(0.2, "s", "time over which what an accelerometer is off by stays alike while the hand moves", "ours", least=0.01)
     left_alike: float = option(
-        1.0,
+        3.0,
         "rad",
-        "turn of the trunk over which what the calibration of a magnetometer leaves stays alike",
-        "ours: it is linear in the field as the magnetometer sees it, so it goes with the cosine of the turn",
+        "way that the trunk turns, there and back, over which what the calibration of a magnetometer leaves stays alike",
+        "ours: it is linear in the field as the magnetometer sees it and comes back with it, so it lasts longer than one turn",
         least=0.01,
     )
     gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
@@ -81,6 +82,14 @@ class MagnetParams:
         "mean normalised innovation squared from which readings contradict what is known",
         "1 where all is as told; over half a second at 60 Hz four magnetometers stay below 1.3 (chi-squared, five standard deviations)",
         least=0.1,
+    )
+    strain: float = option(
+        4.0,
+        "1",
+        "standard deviations by which readings move the moment, a place or a calibration away from what was told, beyond which it was told wrong or the "
+        "room's field is not the same everywhere",
+        "ours: normal errors of four magnetometers stay below it 499 times of 500",
+        least=1.0,
     )
     max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
 
@@ -255,14 +264,11 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
             turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
         q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    told = setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel()
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(3), *told])
+    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(3), _as_told(setup)])
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     lost = setup.q_bt is None and near is None
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
-    many = setup.array.places.size
-    sizes = [params.magnet_error * setup.magnet.size, params.lever_error, 1e-6 * params.mag_error, params.place_error]
-    P = np.diag(np.concatenate([np.zeros(OWN), np.repeat(np.square(sizes), [3, 3, many, many])]))
+    P = np.diag(np.concatenate([np.zeros(OWN), _sure(params, setup) ** 2]))
     P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
     P[V_ : V_ + 3, V_ : V_ + 3] = np.eye(3) * 0.1**2
     P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
@@ -272,6 +278,19 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
     P[range(15, 18), range(15, 18)] = params.acc_bias_sd**2
     P[THG : THG + 3, THG : THG + 3] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
     return x, P
+
+
+def _as_told(setup: Setup) -> Array:
+    """The state's rows from XM on before anything is read: moment, its place, what calibrations left, the magnetometers' places."""
+    return np.concatenate([setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel()])
+
+
+def _sure(params: MagnetParams, setup: Setup) -> Array:
+    """Their standard deviations, as told."""
+    many = setup.array.places.size
+    return np.repeat(
+        [params.magnet_error * setup.magnet.size, params.lever_error, 1e-6 * params.mag_error, params.place_error], [3, 3, many, many]
+    )
 
 
 def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array, Array] | None:
@@ -341,6 +360,10 @@ def _told(
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
+    strained = (np.abs(x[:, XM:] - _as_told(setup)) / _sure(params, setup)).max(
+        axis=1
+    )  # what must have been told wrong for the readings to fit
+    sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
     strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
     rest = Track(
         readings.t[first:],
@@ -357,7 +380,7 @@ def _told(
         moods,
         saturated[first:],
         still,
-        (moods > params.doubt) | strange | (len(setup.array) < 2),
+        (moods > params.doubt) | strange | (strained > params.strain) | (len(setup.array) < 2),
     )
     if not first:
         return rest

@@ -143,6 +143,17 @@ def test_a_second_magnet_is_flagged_and_not_believed(both: tuple[Motion, Setup, 
     assert not ((off > 0.05) & ~track.doubtful & (off > 4 * np.linalg.norm(track.p_sd, axis=1)))[late].any()
 
 
+def test_a_place_told_wrong_is_flagged_and_not_believed(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    """Two centimetres: the readings fit all the same, once the place has been moved there; that it had to be moved so far is what tells."""
+    m, setup, readings, _ = both
+    places = setup.array.places.copy()
+    places[2, 0] += 0.02
+    track = tracking.tracked(PARAMS, replace(setup, array=replace(setup.array, places=places)), readings)
+    late = m.t > 10.0
+    assert track.doubtful[late].mean() > 0.95
+    assert (((track.p_bt - m.p_bt) / track.p_sd)[late] ** 2).mean() < 1.6
+
+
 def test_magnetometers_that_were_never_calibrated_are_flagged(both: tuple[Motion, Setup, Readings, Track]) -> None:
     setup, readings = _made(both[0], raw=True)
     assert tracking.tracked(PARAMS, setup, readings).doubtful[both[0].t > 5.0].mean() > 0.9
