@@ -24,6 +24,7 @@ VERBS = {
     "compare": "how far two recordings of one movement agree",
     "assess": "measures of a recording as JSON and CSV, and a report",
     "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
+    "locate": "where a magnet is, from the recording of any magnetometer array",
     "info": "say what a recording holds and what was cut",
     "export": "write any recording as Motion-BIDS",
     "bench": "speed and memory of the hot paths",

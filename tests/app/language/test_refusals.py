@@ -11,7 +11,14 @@ from tests.app.language.sentences import Sentence, sentences
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 COMMAND_LINE = (
     *("app/benchmarks", "app/cohort.py", "app/commands", "app/devices/strip_flash.py", "app/devices/virtual_glove", "app/metrics.py"),
-    *("app/qualisys.py", "app/reproduce", "sessions/backup.py", "sessions/c3d.py", "sessions/calibration_result.py"),
+    *(
+        "app/qualisys.py",
+        "app/reproduce",
+        "sessions/array_table.py",
+        "sessions/backup.py",
+        "sessions/c3d.py",
+        "sessions/calibration_result.py",
+    ),
     *("sessions/database.py", "sessions/database_dump.py", "sessions/motion_bids/kinematics.py", "estimators/magnetometer_sphere.py"),
     *("estimators/marker_clusters.py", "estimators/measures/synchronisation.py", "estimators/measures/tip_errors.py"),
     *("estimators/simulation", "estimators/six_positions.py"),

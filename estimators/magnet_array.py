@@ -1,0 +1,174 @@
+"""An array of magnetometers as it comes from a bench: units, chips turned or mirrored on the board, noise, mains hum, limits, clocks, what a room leaves.
+
+In      readings (n, magnetometers, 3) in the array's own unit, one time base; readings of the same array turned by hand far from magnets
+Out     readings in T; Turned: calibrations that put all magnetometers into the first one's axes, with what they leave; Looked: what to know of a recording
+Source  calibration: magnetometer_sphere.py; units: SI (1 G = 1e-4 T); alias of a line at f sampled at r: |f - r round(f / r)|
+Limits  what the room's field changes by across the array is part of what calibrations leave; a chip that is turned and mirrored is seen only when the array
+        is turned; a line is told where it stands out of the spectrum of readings five times
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.force.contact import runs
+from estimators.force.interpolation import noise_of
+from estimators.hinge_axes import common_rotation
+from estimators.magnetometer_sphere import Sphere, fitted
+from estimators.quaternions import Array
+
+UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
+NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
+MAINS = (50.0, 60.0)  # Hz
+STANDS_OUT = 5.0  # times the spectrum beside it
+STUCK = 3  # equal largest readings in a row are a limit
+MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
+APART = 0.1  # of the field: more left of a magnetometer against the first is no common board
+
+
+@dataclass(frozen=True)
+class Turned:
+    """Calibrations of all magnetometers of one board."""
+
+    spheres: tuple[Sphere, ...]
+    mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
+    q_bl: Array  # (magnetometers, 4) to the first one's axes
+    left: Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+
+    def corrected(self, mag: Array) -> Array:
+        """Readings (n, magnetometers, 3) in T, each in its own right-handed axes."""
+        return np.stack(
+            [(-1.0 if flip else 1.0) * s.corrected(mag[:, k]) for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))], axis=1
+        )
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What readings tell of themselves."""
+
+    noise: Array  # (magnetometers,) T, of an axis, hum included
+    hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
+    hum_at: float  # Hz, where it shows
+    limited: NDArray[np.bool_]  # (n, magnetometers)
+    missing: float  # share of readings
+
+
+def in_tesla(mag: Array, unit: str, earth: float | None) -> Array:
+    """Readings in T; `earth` T is needed of normalised ones."""
+    if unit == NORMALISED:
+        if earth is None:
+            raise InputError("Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`.")
+        return np.asarray(mag * earth)
+    if unit not in UNITS:
+        raise InputError(f"There is no unit {unit!r} of a magnetometer; units are {', '.join((*UNITS, NORMALISED))}.")
+    return np.asarray(mag * UNITS[unit])
+
+
+def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
+    """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
+    spheres = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
+    own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
+    strength = float(np.mean([s.strength for s in spheres]))
+    if earth is None:  # the first one's strength is everybody's: they saw the same field
+        spheres = tuple(fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names))
+        own, strength = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1), spheres[0].strength
+    good = np.isfinite(own).all(axis=(1, 2))
+    if good.sum() < 50:
+        raise InputError("The magnetometers hardly ever answered together while the board was turned: check their clocks and cables.")
+    q_bl, mirrored = np.tile(quat.IDENTITY, (len(names), 1)), np.zeros(len(names), bool)
+    for k in range(1, len(names)):
+        as_is, flipped = (common_rotation(own[good, 0], sign * own[good, k]) for sign in (1.0, -1.0))
+        mirrored[k] = flipped.residual < MIRRORED * as_is.residual
+        found = flipped if mirrored[k] else as_is
+        if found.residual > APART:
+            raise InputError(
+                f"{names[k]} and {names[0]} did not see the same field turn: {100 * found.residual:.0f} % are left. Are they on one rigid board, and "
+                "are their times the same?"
+            )
+        q_bl[k] = found.q_ab
+    common = quat.rotate(q_bl, np.where(mirrored[:, None], -1.0, 1.0) * own)[good]
+    off = common - common.mean(axis=1, keepdims=True)
+    return Turned(spheres, mirrored, q_bl, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)) if strength else off)
+
+
+def looked(t: Array, mag: Array, limit: float | None) -> Looked:
+    """What readings (n, magnetometers, 3) in T tell of themselves; `limit` T is the full scale, if it is known."""
+    limited = _limited(mag, limit)
+    whole = np.where(limited[..., None], np.nan, mag)
+    hum, at = _hum(t, whole)
+    noise = np.maximum(noise_of(t, whole), hum / np.sqrt(2.0))
+    return Looked(noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()))
+
+
+def together(t: Array, own: Array, mag: Array) -> Array:
+    """Readings (m, 3) of a magnetometer with times of its own (m,) at the times t (n,), by straight lines; NaN across gaps of more than two samples."""
+    there = np.isfinite(mag).all(axis=1) & np.isfinite(own)
+    if there.sum() < 2:
+        return np.full((len(t), 3), np.nan)
+    own, mag = own[there], mag[there]
+    out = np.stack([np.interp(t, own, axis, left=np.nan, right=np.nan) for axis in mag.T], axis=1)
+    behind = np.clip(np.searchsorted(own, t), 1, len(own) - 1)
+    out[own[behind] - own[behind - 1] > 2.5 * np.median(np.diff(own))] = np.nan
+    return out
+
+
+def sentences(names: Sequence[str], looked: Looked) -> list[str]:
+    """What somebody has to know before the answer is read."""
+    said = []
+    if looked.missing > 0.01:
+        said.append(f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them")
+    for k, name in enumerate(names):
+        share = float(looked.limited[:, k].mean())
+        if share > 0:
+            said.append(f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out")
+        if looked.hum[k] > 0:
+            said.append(f"{name}: mains hum of {1e6 * looked.hum[k]:.2g} uT (shows at {looked.hum_at:.3g} Hz); it counts as noise")
+    return said
+
+
+def _limited(mag: Array, limit: float | None) -> NDArray[np.bool_]:
+    """At the limit told, or several times in a row at the largest size that an axis ever has."""
+    with np.errstate(invalid="ignore"):
+        if limit is not None:
+            return np.asarray((np.abs(mag) >= 0.98 * limit).any(axis=-1))
+    found = np.zeros(mag.shape[:2], bool)
+    for k in range(mag.shape[1]):
+        for axis in mag[:, k].T:
+            known = axis[np.isfinite(axis)]
+            if len(known) < 8 or (np.diff(known) == 0).mean() > 0.5:  # coarse counts repeat themselves anyhow
+                continue
+            for end in (known.min(), known.max()):
+                if abs(end - np.median(known)) > 0.25 * np.ptp(known):
+                    for a, b in runs(axis == end):
+                        found[a : b + 1, k] |= b - a + 1 >= STUCK
+    return found
+
+
+def _hum(t: Array, mag: Array) -> tuple[Array, float]:
+    """Amplitude (magnetometers,) of the stronger mains line and where it shows, Hz; zeros where none stands out."""
+    n, nothing = len(t), np.zeros(mag.shape[1])
+    if n < 256 or not np.isfinite(mag).any():
+        return nothing, float("nan")
+    rate = (n - 1) / float(t[-1] - t[0])
+    filled = np.where(np.isfinite(mag), mag, np.nanmedian(mag, axis=0))
+    window = np.hanning(n)[:, None, None]
+    size = np.sqrt((np.abs(np.fft.rfft(np.diff(filled, axis=0, prepend=filled[:1]) * window, axis=0)) ** 2).sum(axis=2))
+    frequency = np.fft.rfftfreq(n, 1.0 / rate)
+    found, shows = nothing, float("nan")
+    for line in MAINS:
+        at = abs(line - rate * round(line / rate))
+        if at < 2.0 or at > 0.5 * rate - 1.0:
+            continue
+        near, beside = np.abs(frequency - at) < 0.3, (np.abs(frequency - at) > 0.6) & (np.abs(frequency - at) < 2.0)
+        if not near.any() or not beside.any():
+            continue
+        top, floor = size[near].max(axis=0), np.median(size[beside], axis=0)
+        steep = 2.0 * np.sin(np.pi * at / rate)  # what differences make of it
+        amplitude = np.where(top > STANDS_OUT * floor, top / (0.25 * n * 2.0 * steep) * 2.0, 0.0)
+        if amplitude.max() > found.max():
+            found, shows = amplitude, at
+    return found, shows

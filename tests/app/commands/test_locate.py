@@ -1,0 +1,136 @@
+"""`handscope locate`: from the table of an array with all that a bench does to it to places of a magnet that are right, or to a word why not."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from estimators import magnet_array
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.quaternions import Array
+from estimators.simulation.magnetic_field import MagneticField, homogeneous
+
+PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03], [0.05, 0.06, 0.0]])
+CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes
+    [np.eye(3), [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], [[1, 0, 0], [0, -1, 0], [0, 0, -1]], [[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.eye(3)]
+)  # the fourth is left-handed: x and y exchanged
+HARD = 1e-6 * np.random.default_rng(4).normal(size=(5, 3)) * 20
+RATE, NOISE = 60.0, 0.1e-6
+
+
+def _table(path: Path, B: Array, rng: np.random.Generator, extra: Array | None = None) -> Array:
+    """Readings (n, 5, 3) of fields B in the board's axes, in gauss, as a CSV file; gives them."""
+    read = np.einsum("kij,nkj->nki", CHIPS, B) + HARD + NOISE * rng.normal(size=B.shape)
+    read = 1e4 * (read if extra is None else read + extra)
+    t = np.arange(len(B)) / RATE
+    header = ",".join(["t", *(f"m{k}_{axis}" for k in range(5) for axis in "xyz")])
+    np.savetxt(path, np.column_stack([t, read.reshape(len(B), -1)]), delimiter=",", header=header, comments="", fmt="%.7f")
+    return read
+
+
+def _board(path: Path) -> Path:
+    each = {f"m{k}": {"place": p.tolist()} for k, p in enumerate(PLACES)}
+    path.write_text(json.dumps({"unit": "G", "moment": 0.32, "magnetometers": each}))
+    return path
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> tuple[Path, Path, Array, Array]:
+    """A board that is turned, then held still while a magnet goes round in front of it: folder, the board's file, its fields and the magnet's places."""
+    rng, earth = np.random.default_rng(1), homogeneous().earth
+    n = 1500
+    t = np.arange(n) / RATE
+    q = quat.multiply(quat.about(2, 2 * np.pi * 0.31 * t), quat.multiply(quat.about(0, 2 * np.pi * 0.17 * t), quat.about(1, np.sin(t))))
+    turned = np.repeat(quat.rotate(quat.conjugate(q), np.broadcast_to(earth, (n, 3)))[:, None], 5, axis=1)
+    _table(tmp_path / "turned.csv", turned, rng)
+    t = np.arange(300) / RATE
+    p = PLACES.mean(axis=0) + np.column_stack([0.05 * np.cos(t), 0.05 * np.sin(t), 0.13 + 0.02 * np.sin(2 * t)])
+    m = np.array([0.32, 0.0, 0.0])
+    B = np.array([MagneticField(earth, one[None], m[None]).at(PLACES) for one in p])
+    return tmp_path, _board(tmp_path / "board.json"), B, p
+
+
+def _located(folder: Path, board: Path, turned: bool = True) -> Array:
+    words = ["locate", str(folder / "magnet.csv"), "--array", str(board), "--out", str(folder / "out.tsv")]
+    assert main(words + (["--turned", str(folder / "turned.csv")] if turned else [])) == 0
+    return np.genfromtxt(folder / "out.tsv", names=True, delimiter="\t")
+
+
+def test_a_magnet_is_found_whatever_the_chips_axes(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
+    folder, board, B, p = bench
+    _table(folder / "magnet.csv", B, np.random.default_rng(2))
+    out = _located(folder, board)
+    place, sd = (np.column_stack([out[a + end] for a in "xyz"]) for end in ("", "_sd"))
+    found = out["found"] > 0.5
+    assert found.mean() > 0.95
+    assert np.median(np.linalg.norm(place - p, axis=1)[found]) < 0.002
+    assert (((place - p) / sd)[found] ** 2).mean() < 1.5
+    said = capsys.readouterr().out
+    assert "m3: an axis points the other way than on m0" in said and "magnet found in" in said
+
+
+def test_what_disturbs_is_named_and_no_wrong_place_is_told(
+    bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, board, B, p = bench
+    second = MagneticField(np.zeros(3), np.array([[0.0, 0.0, 0.12]]), np.array([[0.0, 0.3, 0.1]])).at(PLACES)
+    hum = 3e-6 * np.sin(2 * np.pi * 50.0 * np.arange(len(B)) / RATE)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    _table(folder / "magnet.csv", B + second, np.random.default_rng(2), hum)
+    out = _located(folder, board)
+    place = np.column_stack([out[a] for a in "xyz"])
+    assert not ((out["found"] > 0.5) & (np.linalg.norm(place - p, axis=1) > 0.05)).any()
+    said = capsys.readouterr().out
+    assert "mains hum of 3 uT (shows at 10 Hz)" in said
+    assert "a second magnet" in said or "too far away" in said
+
+
+def test_without_calibration_it_is_said(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
+    folder, board, B, _ = bench
+    _table(folder / "magnet.csv", B, np.random.default_rng(2))
+    assert (_located(folder, board, turned=False)["found"] > 0.5).mean() < 0.1
+    assert "not calibrated" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "header", "row"),
+    [
+        ("first line must name the columns", "a,b", "1,2"),
+        ("line 2: 3 columns", "t,m0_x,m0_y,m0_z", "0,1,2"),
+        ("could not convert", "t,m0_x,m0_y,m0_z", "0,1,2,x"),
+        ("increase", "t,m0_x,m0_y,m0_z", "0,1,2,3\n0,1,2,3"),
+        ("no magnetometer 'm1'", "t,m0_x,m0_y,m0_z", "0,1,2,3\n1,1,2,3"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(words: str, header: str, row: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text(f"{header}\n{row}\n")
+    assert main(["locate", str(tmp_path / "a.csv"), "--array", str(_board(tmp_path / "b.json")), "--out", str(tmp_path / "o.tsv")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "o.tsv").exists()
+
+
+def test_units_and_clocks() -> None:
+    one = np.full((1, 1, 3), 0.5)
+    np.testing.assert_allclose(magnet_array.in_tesla(one, "G", None), 5e-5)
+    np.testing.assert_allclose(magnet_array.in_tesla(one, "normalised", 4e-5), 2e-5)
+    with pytest.raises(InputError, match="earth"):
+        magnet_array.in_tesla(one, "normalised", None)
+    with pytest.raises(InputError, match="units are"):
+        magnet_array.in_tesla(one, "tesla", None)
+    t = np.arange(10.0)
+    own = np.delete(np.arange(0.5, 10.5), [4, 5, 6])
+    brought = magnet_array.together(t, own, np.column_stack([own, 2 * own, -own]))
+    np.testing.assert_allclose(brought[[1, 2, 9]], [[1, 2, -1], [2, 4, -2], [9, 18, -9]])
+    assert np.isnan(brought[[0, 4, 5, 6, 7]]).all()
+
+
+def test_a_limit_that_nobody_told_is_seen() -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(600) / RATE
+    mag = 60e-6 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + NOISE * rng.normal(size=(600, 2, 3))
+    mag[:, 1, 2] = np.clip(mag[:, 1, 2], -50e-6, 50e-6)
+    looked = magnet_array.looked(t, mag, None)
+    assert looked.limited[:, 1].mean() > 0.2 and not looked.limited[:, 0].any()
+    np.testing.assert_allclose(looked.noise[0], NOISE, rtol=0.3)
