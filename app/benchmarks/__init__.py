@@ -26,6 +26,7 @@ class Metric:
 BENCHES = {
     "batch": "every method over recordings of 16 sensors at 100 Hz, ekf also at 200 Hz: times real time, memory",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
+    "load": "stations x viewers until the 99th percentile of latency is beyond 80 ms; how much of the machine and of the server's process is used",
     "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "report": "the report of a whole assessment with the course of 20 sessions, in every language: time to write it",

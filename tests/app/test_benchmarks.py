@@ -7,7 +7,7 @@ from sqlalchemy import func, select
 from starlette.testclient import TestClient
 
 from app.api.access import new_token
-from app.benchmarks import BENCHES, Metric, bench, gate, pages
+from app.benchmarks import BENCHES, Metric, bench, gate, load, pages
 from app.server import create_app
 from app.settings import Settings
 from estimators.errors import InputError
@@ -52,6 +52,13 @@ def test_the_gate_knows_worse_from_better_and_from_a_slow_hour() -> None:
     assert [w.split(" is ")[0] for w in gate.worse(allowed, run(2000, 300, 1))] == ["batch: speed", "batch: lost"]
     assert gate.worse(allowed, {"batch": []}) == ["batch: speed was not measured", "batch: lost was not measured"]
     assert gate.worse(allowed, {"pages": []}) == []
+
+
+def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(load, "_under", lambda client, pid, stations, viewers: load.Seen(20.0 * viewers, 0.5, 0.6, 0.2))
+    seen = dict(load._until_late(None, 0, ((n, ["a"]) for n in (1, 3, 5, 7))))  # type: ignore[arg-type]
+    assert list(seen) == [1, 3, 5], "nothing is asked of it after 100 ms"
+    assert load._most(seen) == 3.0
 
 
 def test_the_committed_baseline_is_readable(tmp_path: Path) -> None:

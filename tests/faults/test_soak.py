@@ -88,7 +88,7 @@ def test_a_real_server_stays_as_it_was() -> None:
             station = begin_tasks(client, port)
             began, told = time.monotonic(), list[tuple[float, float, float]]()
             while time.monotonic() - began < SOAK:
-                ages = asyncio.run(live._watch(client, station))
+                ages = asyncio.run(live.watch(client, [station], live.VIEWERS, live.SECONDS))
                 told.append((time.monotonic() - began, memory(pid), float(np.percentile(ages, 99))))
                 print("%7.0f s  %6.1f MB  p99 %5.1f ms" % told[-1], flush=True)  # noqa: T201, UP031
                 time.sleep(min(48.0, SOAK / 20))
