@@ -5,7 +5,7 @@ Runs in a process of its own (app/jobs.py), so that a long computation never hol
 
 import io
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -178,6 +178,9 @@ def save_report(store: Store, result: Result, recording: LoadedRecording, proces
     nobody, version, corrected = Visit(patient=""), result.version, result.corrections
     protocols, _ = offered(store.folder)
     said = content(nobody, recording, processed, result.method, params, tasks, version, protocols, corrections=corrected)
+    if (db := object_session(result)) is not None and (reused := result.reused):
+        earlier = self_calibrations.get(db, reused["self_calibration"])
+        said = replace(said, self_calibration=self_calibration.taken_over(earlier, reused["parts"]))
     save_file(packed(said), store.path_of(report_file(result.id)))
     return said
 

@@ -39,6 +39,7 @@ from app.settings import Settings
 from app.version import software_version
 from estimators.errors import InputError
 from sessions import records
+from sessions import self_calibrations as kept_calibrations
 from sessions.store import Store, open_store
 
 log = logging.getLogger(__name__)
@@ -129,6 +130,7 @@ def _close(parts: Parts, session_id: int, method: str, options: dict[str, Any]) 
         try:
             session = records.close(db, parts.store, session_id)
             if session.state == "recorded":
+                kept_calibrations.settle(db, session)
                 sessions.queue_session(db, parts, session, method, options)
         except InputError as problem:
             log.warning("session %s: %s", session_id, problem)

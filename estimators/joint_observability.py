@@ -4,7 +4,8 @@ In      gyroscopes of the sensors before and behind a joint, on the same instant
 Out     information (6, 6) on the joint's place in both sensors' frames, which adds up over stretches; its standard deviation along the bones
 Source  Kortier, thesis ch. 4, (4.11), (4.12) differentiated once more: both sensors see one acceleration of the joint,
         a_p + G(w_p) r_p = R_pc (a_c + G(w_c) r_c) with G(w) = [w]x [w]x + [w']x; the noise is that of self-calibration
-Limits  orientations and biases count as known: self-calibration, which finds them, too, tells a little less
+Limits  a joint by itself, orientations counted as known: self-calibration, which knows that a bone's joints lie along it, finds lengths two to four
+        times surer (13 s of a simulated hand: 1.6 to 3.9 mm here, lengths to 0.6 to 1.0 mm there), so enough here is enough there
 """
 
 from dataclasses import dataclass

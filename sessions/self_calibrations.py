@@ -90,9 +90,9 @@ def withdraw(db: Session, self_calibration_id: int, withdrawn: bool) -> SelfCali
     return found
 
 
-def offers(session: PatientSession, glove: str | None = None) -> list[Offer]:
-    """What the session may take over, the newest movement first; `glove` is the number of the one that is worn, where the recording does not tell yet."""
-    worn = _worn(session) if glove is None else glove
+def offers(session: PatientSession) -> list[Offer]:
+    """What the session may take over, the newest movement first."""
+    worn = _worn(session)
     hand = [c for c in session.patient.self_calibrations if c.hand == session.hand and c.withdrawn is None]
     ordered = sorted(hand, key=lambda c: (c.recording.session.started, c.onset, c.id), reverse=True)
     return [_offer(c, worn) for c in ordered]
@@ -114,6 +114,15 @@ def decide(db: Session, session: PatientSession, parts: str, self_calibration_id
     session.reuses.append(made)
     db.commit()
     return made
+
+
+def settle(db: Session, session: PatientSession) -> None:
+    """The recording is closed and tells which glove was worn: of another one nothing but lengths is taken over, whatever was decided before."""
+    decided = decision(session)
+    if decided is None or decided.self_calibration is None:
+        return
+    if decided.parts not in _offer(decided.self_calibration, _worn(session)).parts:
+        decide(db, session, LENGTHS, decided.self_calibration_id)
 
 
 def decision(session: PatientSession) -> Reuse | None:

@@ -15,6 +15,7 @@ import orjson
 
 from app.language import Language
 from app.live.stations import AnyStation
+from app.report import self_calibration
 
 PULSE = 1 / 60  # s: at most one message to a viewer in each
 SPOKEN = (
@@ -97,6 +98,8 @@ class Bulletins:
 def spoken(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
     """A snapshot in a language."""
     found: dict[str, Any] = language.told(snapshot, SPOKEN)
+    if (free := found.get("self_calibration")) and (kept := free["found"]):
+        return {**found, "self_calibration": {**free, "found": self_calibration.told(kept["table"], kept["told"], language)}}
     return found
 
 

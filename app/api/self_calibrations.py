@@ -6,7 +6,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.api.roles import CLINICIAN, SCIENTIST, may
-from app.api.sessions import recomputed
+from app.api.sessions import Decision, recomputed
 from app.api.state import Db, LanguageDep, PartsDep
 from app.language import Language
 from app.report.self_calibration import told
@@ -29,13 +29,6 @@ class SelfCalibrationChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     withdrawn: bool = Field(description="it is not offered any more; what took it over keeps it")
-
-
-class Decision(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    parts: str = Field(description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since")
-    self_calibration: int | None = None
 
 
 @router.get("/patients/{patient_id}/self-calibrations", dependencies=[may(CLINICIAN, SCIENTIST)])

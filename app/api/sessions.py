@@ -2,7 +2,8 @@
 
 import os
 import tempfile
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,11 +22,19 @@ from app.version import software_version
 from estimators.errors import InputError
 from estimators.methods import ALL_METHODS
 from estimators.options import describe
-from sessions import corrections, dates, kept_files, native, patients, records, results, visit_facts
+from sessions import audit, corrections, dates, kept_files, native, patients, records, results, self_calibrations, visit_facts
+from sessions.self_calibrations import Found
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20
+
+
+class Decision(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    parts: str = Field(description=f"one of {', '.join(self_calibrations.PARTS)}; seats only where the glove was not taken off since")
+    self_calibration: int | None = None
 
 
 class NewSession(BaseModel):
@@ -36,6 +45,7 @@ class NewSession(BaseModel):
     method: str = "m2"
     options: dict[str, Any] = {}
     examiner: str = Field("", max_length=200)
+    reuse: Decision | None = Field(None, description="what is taken over of an earlier self-calibration; undecided, nothing is")
 
 
 class SessionChange(BaseModel):
@@ -73,7 +83,8 @@ def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> 
     make_setup = live_setup(new.method, new.options, parts.store.folder)
     session, file = records.begin(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner)
     try:
-        station = parts.stations.open_live(make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym))
+        setup = make_setup(session, parts.store.path_of(file.file), new.port, patient.pseudonym)
+        station = parts.stations.open_live(replace(setup, keep_found=_keeping(db, parts, file.id), **_taken_over(db, session, new.reuse)))
     except BaseException:
         db.delete(session)
         db.commit()
@@ -270,6 +281,29 @@ def _queue(db: Db, parts: Parts, session: PatientSession, method: str, options: 
     if result.state == "queued":
         parts.jobs.process(result.id)
     return result
+
+
+def _taken_over(db: Db, session: PatientSession, decision: Decision | None) -> dict[str, Any]:
+    """What a live session takes over of an earlier self-calibration, as somebody decided."""
+    if decision is None:
+        return {}
+    made = self_calibrations.decide(db, session, decision.parts, decision.self_calibration)
+    chosen = made.self_calibration
+    return {"known": self_calibrations.taken_over(chosen.found, made.parts), "known_glove": chosen.glove} if chosen else {}
+
+
+def _keeping(begun: Db, parts: Parts, recording_id: int) -> Callable[[Found, str], None]:
+    """How a live session keeps what was found and accepted: with the patient, decided for this session, in the name of who began it."""
+    on_behalf = dict(begun.info)
+
+    def keep(found: Found, glove: str) -> None:
+        with parts.store.database() as db:
+            audit.by(db, on_behalf["who"], on_behalf["address"])
+            file = db.get_one(RecordingFile, recording_id)
+            made = self_calibrations.keep(db, file, found, software_version(), glove)
+            self_calibrations.decide(db, file.session, self_calibrations.ALL, made.id)
+
+    return keep
 
 
 async def _pieces(file: UploadFile, most: int) -> AsyncIterator[bytes]:

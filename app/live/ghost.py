@@ -19,6 +19,9 @@ SHOWN = (
     State.RESUME_COUNTDOWN,
     State.STEP_READY,
     State.STEP_COUNTDOWN,
+    State.FREE_READY,
+    State.FREE_COUNTDOWN,
+    State.FREE_RUN,
 )
 STEP = 0.5  # s of movement to the next posture, of each posture's pace
 

@@ -1,14 +1,16 @@
 """What a live station is opened with."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from app.protocols import Protocol
+from estimators.calibration import Known
 from estimators.hand_anatomy import Hand
 from estimators.hand_geometry import HandGeometry
+from sessions.self_calibrations import Found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,4 +28,8 @@ class Setup:
     protocols: tuple[Protocol, ...]
     faults: tuple[str, ...] = ()  # of protocol files: those tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
+    free: Protocol | None = None  # free movement to calibrate from
+    known: Known | None = None  # what the session takes over of an earlier self-calibration
+    known_glove: str = ""  # the glove that it was found with
+    keep_found: Callable[[Found, str], object] = lambda found, glove: None  # with the patient, when it was accepted
     about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...

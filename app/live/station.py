@@ -18,6 +18,7 @@ import numpy as np
 from app.devices.glove import Glove
 from app.live import ghost, kept_trials, wizard
 from app.live.curve import Curve
+from app.live.free_movement import FreeMovement
 from app.live.measured_steps import MeasuredSteps
 from app.live.moving_finger import MOVES, bends
 from app.live.setup import Setup
@@ -66,7 +67,7 @@ class Station:
         self.attempt_numbers = 0
         self._on_finish = on_finish
         self._lock = threading.RLock()
-        self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps)
+        self._wizard = Wizard(setup.protocols, setup.params.pose_duration, setup.steps, setup.free)
         self._calibration: Calibration | None = None
         self._viewers = Viewers()
         self._told: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
@@ -87,6 +88,7 @@ class Station:
         self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
         self.glove = Glove(setup.port, setup.recording, about, self.tracking.feed)
         self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
+        self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
 
     def __enter__(self) -> "Station":
         self.tracking.__enter__()
@@ -100,6 +102,7 @@ class Station:
         self._stop.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(5.0)
+        self.free.close()
         self.glove.__exit__(None, None, None)
         self.tracking.__exit__()
         self.scene.close()
@@ -162,6 +165,7 @@ class Station:
                     self._known = facts = self._facts()
                     self._wizard, orders = wizard.tick(self._wizard, facts)
                     self._do(orders, facts)
+                    self._move_freely(facts)
                     self._wiggle(facts)
                     self._draw(facts)
                     self._tell(facts)
@@ -250,8 +254,17 @@ class Station:
                 self.steps.drop(order.task)
             elif order.kind == "use_steps":
                 self.steps.use()
+            elif order.kind.endswith("_free"):
+                self.free.do(order)
             elif order.kind == "finish":
                 threading.Thread(target=self._on_finish, args=(self,), daemon=True).start()
+
+    def _move_freely(self, facts: Facts) -> None:
+        """Look at free movement, and whether what is computed of it is there."""
+        self.free.watch()
+        if self.free.solved():
+            refusal = self.free.settle()
+            self._wizard = wizard.unsolved(self._wizard, facts, refusal) if refusal else wizard.solved(self._wizard, facts)
 
     def _wiggle(self, facts: Facts) -> None:
         """While sensors are checked, a virtual patient does what the page asks for."""
@@ -260,7 +273,7 @@ class Station:
             self._cue("wiggle")
 
     def _cue(self, task: str) -> None:
-        protocol = next((p for p in (*self.setup.protocols, *self.setup.steps) if p.name == task), None)
+        protocol = next((p for p in (*self.setup.protocols, *self.setup.steps, self.setup.free) if p and p.name == task), None)
         self.curve.follow(protocol.curve if protocol else None)
         name, details = (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details}) if protocol else (task, {})
         if name:
@@ -270,6 +283,7 @@ class Station:
         """Compute off the tick: combining a pose with the steps of a functional calibration takes seconds."""
         pose = Pose(order.onset, order.end - order.onset, THUMB, self._wizard.passive)
         self.tracking.mounting = self.glove.assembler.mounting
+        self.tracking.known = self.free.known(self.setup.known, self.setup.known_glove)
         threading.Thread(target=self._computed, args=(pose,), name=f"calibration {self.name}", daemon=True).start()
 
     def _computed(self, pose: Pose) -> None:
@@ -329,6 +343,7 @@ class Station:
         self.exchanged = {f: on for f, on in worn_on.items() if f != on}
         self._calibration = None
         self.steps.forget()
+        self.free.forget()
         self.glove.exchange(self.exchanged, self.tracking.restart)
 
     def _drop_pose(self) -> None:

@@ -13,12 +13,13 @@ from app.live.replay import Beside, Replay
 from app.live.setup import Setup
 from app.live.station import Station
 from app.options import with_options
-from app.protocols import load_steps, offered
+from app.protocols import load_free, load_steps, offered
 from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_geometry import HandGeometry, measures_from, sized
 from estimators.methods import METHODS
 from sessions import records
+from sessions.self_calibrations import USED_BY
 from sessions.store import Store
 from sessions.tables import PatientSession, Result
 
@@ -141,6 +142,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
     protocols, faults = offered(data)
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
+    free = load_free() if method in USED_BY else None
 
     def make(session: PatientSession, recording: Path, port: str, pseudonym: str) -> Setup:
         hand = records.hand_of(session.hand)
@@ -156,6 +158,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             protocols=tuple(protocols.values()),
             faults=tuple(faults),
             steps=steps,
+            free=free,
             about={"session": session.id, "pseudonym": pseudonym},
         )
 

@@ -31,13 +31,16 @@ RESUMABLE = {
         "Go on when the patient is ready: movement {number} of {all} is done once more, and the pause does not count.",
     ),
 }
-CLOSING = ("Initial pose again", "Lay the hand flat once more as the blue hand shows. With this pose the steps come into force.")
+CLOSING = (
+    "Initial pose again",
+    "Lay the hand flat once more as the blue hand shows. With this pose what the movements told comes into force.",
+)
 SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi)  # shares: per cent
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {State.CONNECT: "connect", State.CHECK: "connect", State.CHECKED: "connect", State.FINISHED: "finish"} | dict.fromkeys(
-    (State.POSE_READY, State.POSE_HOLD, State.POSE_WORK, State.POSE_REVIEW, *wz.STEPPING), "pose"
+    (State.POSE_READY, State.POSE_HOLD, State.POSE_WORK, State.POSE_REVIEW, *wz.STEPPING, *wz.MOVING_FREELY), "pose"
 )
 WORDS = {
     State.CONNECT: ("Put the glove on", "Bend one finger after the other: the finger that moves must light up."),
@@ -56,6 +59,11 @@ WORDS = {
     ),
     State.TASK_REVIEW: ("Keep this one?", "Accept what was recorded, do it again, or skip the task with a reason."),
     State.STEP_REVIEW: ("This step is good", "Go on, or repeat it if the patient did something else."),
+    State.FREE_WORK: ("One moment", "The hand is being calibrated from its movement; the hand may rest. This takes a minute or two."),
+    State.FREE_REVIEW: (
+        "Use what was found?",
+        "Lengths and how the sensors sit serve this session, and are kept with the patient. After the glove was taken off only the lengths hold.",
+    ),
     State.FINISHED: ("Finished", "The recording is closed. The results are being computed."),
 }
 
@@ -70,6 +78,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "glove": _glove(station, facts, problem),
         "calibration": _calibration(calibration, station.joints()),
         "step_quality": _quality(station.steps.piece(wizard.task)) if wizard.state is State.STEP_REVIEW else None,
+        "self_calibration": station.free.told() if wizard.state in wz.MOVING_FREELY else None,
         "curve": {"title": station.curve.title, "unit": station.curve.unit, "what": station.curve.what},
         "sensor_faults": station.faults if wizard.state is State.CHECKED else [],
         "protocol_faults": [{"reason": fault} for fault in station.setup.faults],
@@ -92,7 +101,7 @@ def beat(station: "Station", since: float) -> dict[str, Any]:
 def told_of(w: Wizard, facts: Facts) -> dict[str, Any]:
     """Where the wizard stands: what to say, what can be done, which tasks there are, and what the metronome goes by."""
     protocol = w.protocol
-    in_task = w.state in (State.TASK_READY, *wz.COUNTING, *wz.RUNNING, State.STEP_READY)
+    in_task = w.state in (State.TASK_READY, *wz.COUNTING, *wz.RUNNING, State.STEP_READY, State.FREE_READY)
     title, words = (protocol.title, protocol.instruction) if in_task and protocol and facts.kept else _words(w, facts)
     steps = [p.name for p in w.steps_offered(facts)] if w.state in wz.STEPPING else []
     if in_task and w.task in steps and facts.kept:
@@ -299,7 +308,7 @@ def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]
     """Live numbers of the task or flexion that runs or was just done."""
     if w.state not in (*wz.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW) or w.protocol is None:
         return []
-    if w.state in wz.STEPPING and not w.protocol.cycle:  # nothing bends
+    if w.state is State.FREE_RUN or (w.state in wz.STEPPING and not w.protocol.cycle):  # the meter tells, or nothing bends
         return []
     points = station.curve.attempted()
     if len(points) < 3:

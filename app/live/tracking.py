@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import functional_calibration, functional_steps, hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
-from estimators.calibration import Calibration
+from estimators.calibration import Calibration, Known
 from estimators.errors import InputError
 from estimators.finding import Finding
 from estimators.functional_steps import Piece
@@ -24,6 +24,7 @@ from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
 from estimators.hand_filter import HandFilterParams, HandPath
 from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
+from estimators.processing import with_known
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, join
 from estimators.trajectory import Flag, Trajectory
@@ -77,6 +78,7 @@ class Tracking:
         self.calibration: Calibration | None = None
         self.mounting: Mapping[str, Array] = {}
         self.pieces: Mapping[str, Piece] = {}  # of a functional calibration, by step: every pose from now on is combined with them
+        self.known: Known | None = None  # of an earlier self-calibration: every pose from now on takes it over
         self.findings: tuple[Finding, ...] = ()  # of the sensors, when they were looked at last
         self._doubts = np.zeros(len(SEGMENTS), np.uint8)  # Flags that every row of a segment has until the next calibration
         self._before: _Before | None = None  # what the newest calibration took the place of
@@ -113,10 +115,12 @@ class Tracking:
 
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
-        window = self._since(-np.inf)
+        window = self.samples(-np.inf)
         calibration = initial_pose.calibrate(self.params, self.hand, self.geometry, self.mounting, window, pose)
         if self.pieces:
             calibration = functional_calibration.combine(self.params, self.pieces, calibration, self.mounting)
+        if self.known is not None:
+            calibration = with_known(calibration, self.known)
         calibration = self._checked(calibration, window, pose)
         self._replace(calibration)
         return calibration
@@ -124,7 +128,7 @@ class Tracking:
     def guess(self) -> Calibration:
         """Start the method from defaults, without any pose: everything is flagged as not calibrated. InputError without the hand's sensor."""
         calibration = initial_pose.guessed(
-            self.params, self.hand, self.geometry, self.mounting, self._since(self.newest_sample() - GUESSED_FROM)
+            self.params, self.hand, self.geometry, self.mounting, self.samples(self.newest_sample() - GUESSED_FROM)
         )
         self.findings = ()
         self._replace(calibration)
@@ -145,7 +149,7 @@ class Tracking:
 
     def faults(self) -> tuple[Finding, ...]:
         """What is wrong with single sensors by the samples kept, as far as that can be told without a pose."""
-        return tuple(f for f in sensor_checks.check(self._since(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
+        return tuple(f for f in sensor_checks.check(self.samples(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
 
     def swapped(self) -> tuple[str, str] | None:
         """Two fingers whose strips the pose shows on each other's."""
@@ -162,9 +166,9 @@ class Tracking:
     def measure(self, step: str, onset: float, end: float) -> Piece:
         """What a step of a functional calibration tells that was just done; gyroscope biases are those of the pose."""
         bias = self.calibration.gyr_bias if self.calibration else {}
-        return functional_steps.measure(self.params, step, self._since(onset), onset, end, bias)
+        return functional_steps.measure(self.params, step, self.samples(onset), onset, end, bias)
 
-    def _since(self, onset: float) -> list[Block]:
+    def samples(self, onset: float) -> list[Block]:
         """Samples kept of an instant and later, one block a stream."""
         with self._lock:
             kept = [[b for b in blocks if b.t[-1] >= onset] for blocks in self._samples.values()]
@@ -188,7 +192,7 @@ class Tracking:
             self._samples.clear()
             self._poses.clear()
             self._path.clear()
-            self.calibration, self._state, self._path_state, self._before, self.pieces = None, None, None, None, {}
+            self.calibration, self._state, self._path_state, self._before, self.pieces, self.known = None, None, None, None, {}, None
             self.findings, self._doubts = (), np.zeros(len(SEGMENTS), np.uint8)
 
     def begin(self, calibration: Calibration) -> None:

@@ -8,6 +8,7 @@ Here             from one state to the next; what the station has to do comes ou
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 from app.live.wizard_state import PATIENT as PATIENT
 from app.live.wizard_state import ROUTINE as ROUTINE
@@ -19,6 +20,7 @@ from app.live.wizard_state import good_steps
 from app.live.wizard_state import ready as ready
 from app.live.wizard_table import BY_PERSON as BY_PERSON
 from app.live.wizard_table import COUNTING as COUNTING
+from app.live.wizard_table import MOVING_FREELY as MOVING_FREELY
 from app.live.wizard_table import OUTCOMES as OUTCOMES
 from app.live.wizard_table import PASSING as PASSING
 from app.live.wizard_table import RUNNING as RUNNING
@@ -39,7 +41,8 @@ STILL_RATE = 0.07  # rad/s (4 deg/s) of every sensor's wander within a second: t
 
 @dataclass(frozen=True)
 class Order:
-    """What the station has to do after a step: calibrate, cue, exchange, keep_attempt, drop_pose, finish; measure_step, drop_step, drop_steps, use_steps."""
+    """What the station has to do after a step: calibrate, cue, exchange, keep_attempt, drop_pose, finish; measure_step, drop_step, drop_steps, use_steps;
+    watch_free, solve_free, leave_free, use_free."""
 
     kind: str
     task: str = ""
@@ -70,6 +73,8 @@ def act(
         wizard = replace(wizard, task=task)
     if what is Act.CALIBRATE:
         wizard = replace(wizard, task=wizard.steps_offered(facts)[0].name)
+    if what is Act.FREE and wizard.free:
+        wizard = replace(wizard, task=wizard.free.name)
     if what is Act.NEXT and wizard.state is State.CHECK:
         return _asked(wizard, facts, "")
     if what is Act.NEXT:
@@ -92,7 +97,7 @@ def tick(wizard: Wizard, facts: Facts) -> tuple[Wizard, Sequence[Order]]:
     protocol = wizard.protocol
     if wizard.state in COUNTING and protocol and facts.now - wizard.since >= protocol.countdown:
         return _enter(wizard, Act.STARTED, facts)
-    late = LATE if wizard.state is State.STEP_RUN else 0.0
+    late = LATE if wizard.state in (State.STEP_RUN, State.FREE_RUN) else 0.0
     if wizard.state in RUNNING and protocol and protocol.length and done(wizard, facts.t) >= protocol.length + late:
         return _enter(wizard, Act.ENDED, facts)
     return wizard, ()
@@ -106,6 +111,16 @@ def refused(wizard: Wizard, facts: Facts, message: str) -> Wizard:
 def posed(wizard: Wizard, facts: Facts, poor: int, swapped: tuple[str, str] | None = None) -> tuple[Wizard, Sequence[Order]]:
     """The pose gave a calibration that is poor for so many joints, and may show that two strips are on each other's finger."""
     return _enter(replace(wizard, refusals=0, poor=poor, swapped=swapped), Act.POSED, facts)
+
+
+def solved(wizard: Wizard, facts: Facts) -> Wizard:
+    """The free movement gave a self-calibration, if somebody waits for one still."""
+    return _enter(wizard, Act.SOLVED, facts)[0] if wizard.state is State.FREE_WORK else wizard
+
+
+def unsolved(wizard: Wizard, facts: Facts, message: str) -> Wizard:
+    """The free movement gave none: back to it with the reason."""
+    return replace(wizard, state=State.FREE_READY, since=facts.now, message=message) if wizard.state is State.FREE_WORK else wizard
 
 
 def judge(wizard: Wizard, problems: Sequence[str]) -> Wizard:
@@ -193,6 +208,9 @@ def _enter(wizard: Wizard, what: Act, facts: Facts, reason: str = "", score: flo
     if before in STEPPING:
         wizard, more = _stepped(wizard, what, before)
         orders = [*more, *orders]
+    if before in MOVING_FREELY or after in MOVING_FREELY:
+        wizard, more = _freely(wizard, what, before, after, facts)
+        orders = [*more, *orders]
     if what is Act.ASSIST:
         wizard = replace(wizard, passive=not wizard.passive)
     if what is Act.WITHOUT:
@@ -219,6 +237,24 @@ def _stepped(wizard: Wizard, what: Act, before: State) -> tuple[Wizard, list[Ord
         return replace(wizard, judged=()), [Order("drop_steps")]
     if before in (State.STEP_COUNTDOWN, State.STEP_RUN) and what is Act.STOP:
         return wizard, [Order("cue", "rest")]
+    return wizard, []
+
+
+def _freely(wizard: Wizard, what: Act, before: State, after: State, facts: Facts) -> tuple[Wizard, list[Order]]:
+    """Free movement is watched, solved for, and what was found used or left."""
+    if after is State.FREE_RUN:
+        return wizard, [Order("watch_free", onset=wizard.onset)]
+    if after is State.FREE_WORK:
+        length = wizard.protocol.length if wizard.protocol and wizard.protocol.length else inf
+        wizard = replace(wizard, end=min(facts.t, wizard.onset + length))
+        return wizard, [Order("cue", "rest"), Order("solve_free", wizard.task or "", wizard.onset, wizard.end)]
+    if what is Act.USE and before is State.FREE_REVIEW:
+        return replace(wizard, closing=True), [Order("use_free")]
+    if what in (Act.STOP, Act.REDO) and before is not State.FREE_READY:
+        return wizard, [
+            Order("leave_free", reason="redone" if what is Act.REDO else "not used"),
+            *([Order("cue", "rest")] if before in RUNNING + COUNTING else []),
+        ]
     return wizard, []
 
 

@@ -10,6 +10,7 @@ from estimators.functional_steps import BENT
 from estimators.hand_anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
+SHORTEST_FREE = 12.0  # s of free movement from which on a person may say that it is enough
 PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 
 
@@ -55,6 +56,7 @@ class Wizard:
     protocols: tuple[Protocol, ...]
     pose_duration: float
     steps: tuple[Protocol, ...] = ()  # of a functional calibration; empty where the method makes nothing of it
+    free: Protocol | None = None  # the free movement that the hand is calibrated from; None where the method makes nothing of it
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed
@@ -79,7 +81,8 @@ class Wizard:
 
     @property
     def protocol(self) -> Protocol | None:
-        return next((p for p in (*self.protocols, *self.steps) if p.name == self.task), None)
+        every = (*self.protocols, *self.steps, *((self.free,) if self.free else ()))
+        return next((p for p in every if p.name == self.task), None)
 
     def allowed(self, facts: Facts) -> list[Act]:
         """What a person can do now, in the order of the table."""
@@ -94,7 +97,9 @@ class Wizard:
             Act.RESUME: self.protocol is None or self.protocol.resumes is None,
             Act.CALIBRATE: not self.steps_offered(facts),
             Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
-            Act.USE: not self._usable(),
+            Act.USE: self.state is not State.FREE_REVIEW and not self._usable(),
+            Act.FREE: self.free is None or not self._free_fingers(facts),
+            Act.ENOUGH: facts.t - self.onset < SHORTEST_FREE,
         }
         return [a for a in acts if not barred.get(a, False)]
 
@@ -168,6 +173,10 @@ class Wizard:
         """Whether a step was done well and some step tells about which axes the joints bend."""
         good = good_steps(self)
         return bool(good) and bool((good | self.used) & set(BENT))
+
+    def _free_fingers(self, facts: Facts) -> list[str]:
+        """Fingers that hang together with the hand's sensor."""
+        return [f for f in FINGERS if {"hand", CHAINS[f][0]} <= facts.measured]
 
     def _trials_left(self) -> bool:
         """Whether another trial of the task follows the one under review."""

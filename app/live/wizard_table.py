@@ -23,6 +23,11 @@ class State(StrEnum):
     STEP_COUNTDOWN = "step_countdown"
     STEP_RUN = "step_run"
     STEP_REVIEW = "step_review"
+    FREE_READY = "free_ready"  # self-calibration from free movement
+    FREE_COUNTDOWN = "free_countdown"
+    FREE_RUN = "free_run"
+    FREE_WORK = "free_work"  # it is computed
+    FREE_REVIEW = "free_review"
     FINISHED = "finished"
 
 
@@ -44,6 +49,8 @@ class Act(StrEnum):
     CHOOSE = "choose"
     AGAIN = "again"  # keep this trial, and on to the next of the same task
     CALIBRATE = "calibrate"  # by movements
+    FREE = "free"  # calibrate by free movement
+    ENOUGH = "enough"  # of free movement
     NEXT = "next"  # step of the calibration
     USE = "use"  # the steps that were done well, from the initial pose that follows on
     ASSIST = "assist"  # the therapist lays the hand into the pose, or the patient takes it again
@@ -55,6 +62,7 @@ class Act(StrEnum):
     SEEN = "seen"  # every finger that was asked for
     STARTED = "started"  # the countdown is over
     ENDED = "ended"  # the task's time is over
+    SOLVED = "solved"  # the self-calibration was found
 
 
 S, A = State, Act
@@ -65,11 +73,12 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.POSE_READY: {A.START: S.POSE_HOLD, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.TASKS, A.FINISH: S.FINISHED},
     S.POSE_HOLD: {A.HELD: S.POSE_WORK, A.ASSIST: S.POSE_READY, A.WITHOUT: S.TASKS, A.STOP: S.POSE_READY},
     S.POSE_WORK: {A.POSED: S.POSE_REVIEW},
-    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY, A.EXCHANGE: S.POSE_READY},
+    S.POSE_REVIEW: {A.ACCEPT: S.TASKS, A.REDO: S.POSE_READY, A.CALIBRATE: S.STEP_READY, A.FREE: S.FREE_READY, A.EXCHANGE: S.POSE_READY},
     S.TASKS: {
         A.GROUP: S.TASKS,
         A.CHOOSE: S.TASK_READY,
         A.CALIBRATE: S.STEP_READY,
+        A.FREE: S.FREE_READY,
         A.RECALIBRATE: S.POSE_READY,
         A.FINISH: S.FINISHED,
     },
@@ -83,11 +92,17 @@ TRANSITIONS: Mapping[State, Mapping[Act, State]] = {
     S.STEP_COUNTDOWN: {A.STARTED: S.STEP_RUN, A.STOP: S.STEP_READY},
     S.STEP_RUN: {A.ENDED: S.STEP_REVIEW, A.STOP: S.STEP_READY},
     S.STEP_REVIEW: {A.NEXT: S.STEP_READY, A.REDO: S.STEP_READY, A.CHOOSE: S.STEP_READY, A.USE: S.POSE_READY, A.STOP: S.TASKS},
+    S.FREE_READY: {A.START: S.FREE_COUNTDOWN, A.STOP: S.TASKS},
+    S.FREE_COUNTDOWN: {A.STARTED: S.FREE_RUN, A.STOP: S.FREE_READY},
+    S.FREE_RUN: {A.ENDED: S.FREE_WORK, A.ENOUGH: S.FREE_WORK, A.STOP: S.FREE_READY},
+    S.FREE_WORK: {A.SOLVED: S.FREE_REVIEW, A.STOP: S.FREE_READY},
+    S.FREE_REVIEW: {A.USE: S.POSE_READY, A.REDO: S.FREE_READY, A.STOP: S.TASKS},
     S.FINISHED: {},
 }
-COUNTING = (S.COUNTDOWN, S.RESUME_COUNTDOWN, S.STEP_COUNTDOWN)
-RUNNING = (S.TASK_RUN, S.STEP_RUN)
+COUNTING = (S.COUNTDOWN, S.RESUME_COUNTDOWN, S.STEP_COUNTDOWN, S.FREE_COUNTDOWN)
+RUNNING = (S.TASK_RUN, S.STEP_RUN, S.FREE_RUN)
 STEPPING = (S.STEP_READY, S.STEP_COUNTDOWN, S.STEP_RUN, S.STEP_REVIEW)
+MOVING_FREELY = (S.FREE_READY, S.FREE_COUNTDOWN, S.FREE_RUN, S.FREE_WORK, S.FREE_REVIEW)
 PASSING = ("redone", "paused")  # outcomes after which the task is still to be done
 OUTCOMES = {
     Act.ACCEPT: "accepted",
@@ -97,4 +112,4 @@ OUTCOMES = {
     Act.SKIP: "skipped",
     Act.UNABLE: "unable",
 }
-BY_PERSON = set(Act) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED}
+BY_PERSON = set(Act) - {A.HELD, A.POSED, A.SEEN, A.STARTED, A.ENDED, A.SOLVED}

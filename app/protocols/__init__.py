@@ -170,6 +170,12 @@ def load_steps() -> dict[str, Protocol]:
     return load_all(files("app.protocols") / "functional")
 
 
+def load_free() -> Protocol:
+    """The free movement that a hand calibrates itself from: the folder `self_calibration`."""
+    (found,) = load_all(files("app.protocols") / "self_calibration").values()
+    return found
+
+
 def groups(protocols: Iterable[Protocol]) -> list[str]:
     """The groups of tasks, in the order of the tasks."""
     return list(dict.fromkeys(p.group for p in protocols))

@@ -12,6 +12,7 @@ import numpy as np
 
 from app.protocols import Protocol
 from app.report.changes import Changes
+from app.report.self_calibration import kept_of
 from estimators.calibration import SensorQuality
 from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from estimators.measures import MEASURES
@@ -176,6 +177,7 @@ class Content:
     not_done: tuple[NotDone, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     scores: tuple[Scored, ...] = ()
+    self_calibration: Mapping[str, Any] | None = None  # what the method found of hand and sensors (self_calibration.kept_of)
 
 
 def content(
@@ -213,6 +215,7 @@ def content(
         tuple(_not_done(recording, protocols)),
         tuple(_left_out(recording, protocols, corrections)),
         tuple(_scores(recording, protocols)),
+        kept_of(processed),
     )
 
 

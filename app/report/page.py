@@ -13,6 +13,7 @@ from app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, 
 from app.report.other_measures import other_measures
 from app.report.range_rows import asks_full_range, by_task
 from app.report.range_section import range_section
+from app.report.self_calibration import section as self_calibration_section
 from app.report.summary import outcome_words, summary
 from app.report.tables import data_checksum
 from app.report.tapping_section import TRIALS, tapping_section
@@ -49,6 +50,7 @@ def words_of(content: Content, language: Language) -> Page:
         "others": other_measures(content.tasks, language),
         "further": [s for s in (range_section(content, trials, language, bars=False) for trials in further) if not s["absent"]],
         "trends": [section for section in [trend_section(content, language)] if section],
+        "self_calibration": self_calibration_section(content.self_calibration, language),
         "not_done": [[language.heard(n.title), outcome_words(n.outcome, language), n.reason or say("no_reason")] for n in content.not_done],
         "scores": [[language.heard(s.title), language.heard(s.scale), f"{s.score:g}"] for s in content.scores],
         "left_out": [_left_out(part, language) for part in content.left_out],

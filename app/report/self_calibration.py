@@ -12,15 +12,26 @@ from estimators.calibration import Calibration
 from estimators.hand_anatomy import SEGMENTS
 from estimators.processing import Processed
 from sessions.derivative import calibration_table
-from sessions.self_calibrations import Found
+from sessions.self_calibrations import ALL, Found
+from sessions.tables import SelfCalibration
 
+PARTS = {  # columns of the tables
+    "lengths": ("segment", "length", "source"),
+    "seats": ("segment", "along", "above", "across", "turned"),
+    "biases": ("segment", "gyr", "acc"),
+}
 ACROSS, ALONG, ABOVE = 2, 1, 0  # axes of a segment: sideways, along the bone, out of its back
 
 
 def kept_of(processed: Processed) -> dict[str, Any] | None:
     """What a result keeps of a self-calibration; None where the method found none."""
     found = found_of(processed.calibrations[0], processed.told)
-    return None if found is None else {"table": found.table, "told": list(found.told), "onset": found.onset, "end": found.end}
+    return None if found is None else {"table": found.table, "told": list(found.told), "onset": found.onset, "end": found.end, "parts": ALL}
+
+
+def taken_over(c: SelfCalibration, parts: str) -> dict[str, Any]:
+    """The same of an earlier self-calibration of which these parts were taken over."""
+    return {"table": c.found, "told": c.told, "onset": c.onset, "end": c.end, "parts": parts}
 
 
 def found_of(c: Calibration, told: tuple[str, ...]) -> Found | None:
@@ -41,13 +52,32 @@ def told(found: Mapping[str, Any], said: list[str], language: Language) -> dict[
     }
 
 
+def section(kept: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
+    """The same as a section of a report: tables with titles and columns; None where nothing was found."""
+    if kept is None:
+        return None
+    said = told(kept["table"], kept["told"], language)
+    shown = PARTS if kept["parts"] == ALL else ("lengths",)
+    parts = [
+        {
+            "title": language.say(f"self_calibration.{part}"),
+            "columns": [language.say(f"self_calibration.{column}") for column in columns],
+            "rows": said[part],
+        }
+        for part, columns in PARTS.items()
+        if said[part] and part in shown
+    ]
+    return {"title": language.say("self_calibration.title"), "summary": said["summary"], "words": said["words"], "parts": parts}
+
+
 def _summary(lengths: Mapping[str, Any], language: Language) -> str:
     """How well the lengths are known that movement told."""
-    known = [float(entry["sd"]) for entry in lengths.values() if "sd" in entry]
+    between = [entry for segment, entry in lengths.items() if not segment.endswith("distal")]  # two joints: a last phalanx has but one
+    known = [1e3 * float(entry["sd"]) for entry in between if "sd" in entry]
     if not known:
         return language.say("self_calibration.no_length")
-    worst = with_deviation(1e3 * max(known), None, language)
-    return language.say("self_calibration.lengths_to", found=len(known), of=len(lengths), worst=worst)
+    worst = language.number(max(known), decimals_of_sd(max(known)))
+    return language.say("self_calibration.lengths_to", found=len(known), of=len(between), worst=worst)
 
 
 def _length(segment: str, entry: Mapping[str, Any], language: Language) -> list[str]:

@@ -57,6 +57,7 @@ def json(content: Content) -> bytes:
             "scores": content.scores,
             "not_done": content.not_done,
             "left_out": content.left_out,
+            "self_calibration": content.self_calibration,
             "figures": rows(content),
         },
         default=str,

@@ -14,6 +14,7 @@ import * as quality from "../session/quality.js";
 import * as ranges from "../session/ranges.js";
 import * as recordings from "../session/recordings.js";
 import * as results from "../session/results.js";
+import * as selfCalibration from "../session/self_calibration.js";
 import * as tapping from "../session/tapping.js";
 import * as trials from "../session/trials.js";
 import { clock, day, t, time } from "../words/words.js";
@@ -80,7 +81,7 @@ function draw(root, api, about) {
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
-  const aside = [done && quality, notes, dating].filter(Boolean).map((part) => [part, place()]);
+  const aside = [done && quality, closed && selfCalibration, notes, dating].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];
   const name = h("h1", {});

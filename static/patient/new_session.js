@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
+import * as reuse from "./reuse.js";
 
 const OTHER = "?";
 const CLOCKS = 5 * 60_000; // ms that the clocks of browser and server may differ
@@ -19,6 +20,8 @@ export function mount(root, api, { record, go }) {
   const gloves = h("div", {}, h("p", { class: "soft" }, t("new_session.looking")));
   const port = h("input", { name: "port", autocomplete: "off", spellcheck: "false" });
   const other = h("div", { hidden: true }, field(t("new_session.port"), port, t("new_session.port.hint")));
+  const earlier = h("div", {});
+  const taken = reuse.mount(earlier, api, { record });
   const examiner = h("input", { name: "examiner", maxlength: 200, autocomplete: "off" });
   const form = h(
     "form",
@@ -26,6 +29,7 @@ export function mount(root, api, { record, go }) {
     hands,
     gloves,
     other,
+    earlier,
     field(t("new_session.examiner"), examiner, t("new_session.examiner.hint")),
     box.element,
     h("button", { class: "primary large", type: "submit" }, t("new_session.start")),
@@ -69,7 +73,12 @@ export function mount(root, api, { record, go }) {
     toggle();
   }
 
-  form.addEventListener("change", (event) => (event.target.name === "hand" ? suggest() : toggle()));
+  const askEarlier = () => taken.ask(chosen("hand")).catch((error) => gone || box.show(error));
+  form.addEventListener("change", (event) => {
+    if (event.target.name !== "hand") return toggle();
+    suggest();
+    return askEarlier();
+  });
   onSubmit(form, box, async () => {
     if (!chosen("hand")) throw new Error(t("new_session.which_hand"));
     const path = chosen("glove") === OTHER ? port.value.trim() : chosen("glove");
@@ -78,10 +87,12 @@ export function mount(root, api, { record, go }) {
       hand: chosen("hand"),
       port: path,
       examiner: examiner.value.trim(),
+      reuse: taken.decision(),
     });
     go(`/stations/${begun.station}`);
   });
   root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), ...clockWarnings(patient), form);
+  askEarlier();
   look().catch((error) => gone || box.show(error));
   return () => {
     gone = true;

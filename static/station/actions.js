@@ -12,6 +12,9 @@ const PRIMARY = {
   task_ready: "start",
   task_review: "accept",
   step_ready: "start",
+  free_ready: "start",
+  free_run: "enough",
+  free_review: "use",
   tasks: "choose",
 };
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these

@@ -36,7 +36,7 @@ export function mount(root, api, { station }) {
     (told) => more.replaceChildren(...detail(...told)),
   );
   const drawBar = ({ wizard }) => {
-    const runs = wizard.state === "pose_hold" || (["task_run", "step_run"].includes(wizard.state) && wizard.remaining !== null);
+    const runs = wizard.state === "pose_hold" || (["task_run", "step_run", "free_run"].includes(wizard.state) && wizard.remaining !== null);
     bar.element.hidden = !runs;
     if (runs) bar.set(wizard.progress);
   };

@@ -7,6 +7,7 @@ import * as check from "./check.js";
 import * as countdown from "./countdown.js";
 import * as curve from "./live_curve.js";
 import * as ending from "./ending.js";
+import * as freeMovement from "./free_movement.js";
 import * as glove from "./glove.js";
 import * as guidance from "./guidance.js";
 import * as joints from "./joints.js";
@@ -37,6 +38,7 @@ export function mount(root, api, about) {
     stillness: place("stillness"),
     score: place("score"),
     actions: place("actions"),
+    free: place("free"),
     ending: place("ending"),
     tasks: place("tasks", "section"),
     joints: place("joints", "section"),
@@ -62,6 +64,7 @@ export function mount(root, api, about) {
     [guidance, side.guidance],
     [check, side.check],
     [stillness, side.stillness],
+    [freeMovement, side.free],
     [score, side.score],
     [actions, side.actions],
     [ending, side.ending],

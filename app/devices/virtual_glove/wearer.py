@@ -14,7 +14,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
-from estimators.simulation import force_sensors, functional, held, held_object, kinematics, sensors, tasks, trunk
+from estimators.simulation import force_sensors, functional, guided, held, held_object, kinematics, sensors, tasks, trunk
 from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.motion import Motion, after, shifted, through
 from estimators.simulation.sensors import SensorErrors
@@ -35,7 +35,8 @@ HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a blo
     "pinches": held.pinches,
     **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in held_object.TASKS.items()},
 }
-UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD})
+FREE, MORE = "free_movement", 5.0  # s that a person goes on beyond what is asked for
+UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD, FREE})
 
 
 class Wearer(Protocol):
@@ -228,6 +229,9 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, 
         return tasks.initial_pose(geometry, HOLD), BRIDGE
     if task in HELD:
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
+    if task == FREE:
+        begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
+        return guided.free(geometry, rng, float(details.get("duration", 40.0)) + MORE), begins
     if task == "wiggle" and details.get("finger") in FINGERS:
         return tasks.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
     if task in tasks.TIMED and "duration" in details:

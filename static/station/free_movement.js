@@ -1,0 +1,64 @@
+/** Free movement: what is observable already, joint by joint; how far the computation is; what was found. */
+import { h, whenChanged } from "../dom.js";
+import { progressBar } from "../progress_bar.js";
+import { foundTables } from "../self_calibration_tables.js";
+import { jointWords } from "../words/clinical.js";
+import { t } from "../words/words.js";
+
+const ROWS = [
+  ["thumb", ["thumb_cmc", "thumb_mcp", "thumb_ip"]],
+  ...["index", "middle", "ring", "little"].map((finger) => [finger, ["mcp", "pip", "dip"].map((joint) => `${finger}_${joint}`)]),
+];
+const MOVING = ["free_countdown", "free_run", "free_work"];
+const NAMED = 3; // joints that are named at a time
+const LITTLE = 0.6; // share of what is enough below which a joint is named
+
+export function mount(root, api, { station }) {
+  const body = h("tbody", {});
+  const columns = ["angles.finger", "angles.base", "angles.middle", "angles.end"].map((word) => h("th", { scope: "col" }, t(word)));
+  const head = h("thead", {}, h("tr", {}, columns));
+  const lacking = h("p", { class: "small", "aria-live": "polite" });
+  const meter = h("div", {}, h("h3", {}, t("free.meter")), h("table", { class: "compact" }, head, body), lacking);
+  const bar = progressBar(t("free.computing"));
+  const found = h("div", {});
+  root.append(bar.element, meter, found);
+
+  const draw = ({ wizard, self_calibration }) => {
+    root.hidden = !self_calibration;
+    meter.hidden = !MOVING.includes(wizard.state);
+    bar.element.hidden = wizard.state !== "free_work";
+    if (wizard.state === "free_work" && self_calibration) bar.set(self_calibration.share ?? 0, t("free.computing"));
+  };
+  const drawMeter = whenChanged(
+    ({ wizard, self_calibration }) => [wizard.state, self_calibration?.meter ?? []],
+    ([state, joints]) => {
+      const seen = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
+      const rows = ROWS.filter(([, names]) => names.some((name) => seen[name]));
+      body.replaceChildren(...rows.map(([finger, names]) => row(finger, names, seen)));
+      const few = joints.filter((joint) => joint.share < LITTLE).sort((a, b) => a.share - b.share);
+      const named = few.slice(0, NAMED).map((joint) => nameOf(joint.joint)).join(", ");
+      const told = few.length ? t(few.length > NAMED ? "free.more.all" : "free.more", { joints: named }) : t("free.enough");
+      if (state !== "free_work") lacking.textContent = joints.length ? told : t("free.begins");
+    },
+  );
+  const drawFound = whenChanged(
+    ({ self_calibration }) => self_calibration?.found ?? null,
+    (told) => found.replaceChildren(...(told ? foundTables(told).filter(Boolean) : [])),
+  );
+  const leave = [draw, drawMeter, drawFound].map((each) => station.on("full", each));
+  return () => leave.forEach((stop) => stop());
+}
+
+function row(finger, names, seen) {
+  const cells = names.map((name) => h("td", {}, seen[name] ? gauge(seen[name]) : "–"));
+  return h("tr", {}, h("th", { scope: "row" }, t(`finger.${finger}`)), cells);
+}
+
+function gauge({ joint, share, excursion_deg, place_mm }) {
+  const said = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, place: place_mm });
+  const bar = h("meter", { min: 0, max: 1, low: LITTLE / 2, high: LITTLE, optimum: 1, "aria-label": said, title: said });
+  bar.value = share;
+  return bar;
+}
+
+const nameOf = (joint) => Object.values(jointWords(joint)).join(" ").trim();

@@ -1,0 +1,150 @@
+"""The rung of free movement: the wizard's way through it, the meter, solving beside the session, and what is kept of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.live import free_movement, ghost, solving, wizard
+from app.live.solving import Solving
+from app.live.station import THUMB, Station
+from app.live.telling import told_of
+from app.live.wizard import LATE, Act, NotNowError, State, Wizard
+from app.protocols import load_free
+from estimators.calibration import Known
+from estimators.samples import Event
+from sessions.recording import LoadedRecording
+from sessions.self_calibrations import Found
+from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
+from tests.app.live.test_wizard import PROTOCOLS, READY, kinds, later
+from tests.sessions.test_self_calibrations import found
+from tests.simulated import in_strips, loaded
+
+FREE = load_free()
+
+
+def ready(**changed: object) -> Wizard:
+    made = Wizard(PROTOCOLS, 3.0, free=FREE, state=State.TASKS)
+    return replace(wizard.act(made, Act.FREE, READY)[0], **changed)  # type: ignore[arg-type]
+
+
+def moved(w: Wizard) -> tuple[Wizard, wizard.Facts, list[wizard.Order]]:
+    """Counted down and moved for the whole time."""
+    w, orders = wizard.act(w, Act.START, READY)
+    assert (w.state, kinds(orders)) == (State.FREE_COUNTDOWN, [("cue", "free_movement")])
+    facts = later(READY, FREE.countdown)
+    w, orders = wizard.tick(w, facts)
+    assert (w.state, kinds(orders)) == (State.FREE_RUN, [("watch_free", "")])
+    facts = later(facts, 40.0 + LATE + 0.01)
+    w, orders = wizard.tick(w, facts)
+    return w, facts, list(orders)
+
+
+def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_force() -> None:
+    w, facts, orders = moved(ready())
+    assert (w.state, kinds(orders)) == (State.FREE_WORK, [("cue", "rest"), ("solve_free", "free_movement")])
+    assert orders[1].end - orders[1].onset == pytest.approx(40.0)
+    w = wizard.solved(w, facts)
+    assert w.state is State.FREE_REVIEW
+    assert told_of(w, facts)["title"] == "Use what was found?"
+    w, orders = wizard.act(w, Act.USE, facts)
+    assert (w.state, w.closing, kinds(orders)) == (State.POSE_READY, True, [("use_free", ""), ("cue", "initial_pose")])
+
+
+def test_what_was_found_may_be_left_or_done_again_and_a_computation_cancelled() -> None:
+    w, facts, _ = moved(ready())
+    left, orders = wizard.act(w, Act.STOP, facts)
+    assert (left.state, kinds(orders)) == (State.FREE_READY, [("leave_free", "")])
+    assert wizard.solved(left, facts) is left, "nobody waits for it any more"
+    w = wizard.solved(w, facts)
+    assert wizard.act(w, Act.STOP, facts)[0].state is State.TASKS
+    again, orders = wizard.act(w, Act.REDO, facts)
+    assert (again.state, orders[0].reason) == (State.FREE_READY, "redone")
+
+
+def test_a_movement_that_told_nothing_goes_back_with_the_reason() -> None:
+    w, facts, _ = moved(ready())
+    w = wizard.unsolved(w, facts, "the fingers hardly moved")
+    assert (w.state, told_of(w, facts)["message"]) == (State.FREE_READY, "the fingers hardly moved")
+
+
+def test_it_is_enough_after_twelve_seconds_and_not_before() -> None:
+    w, _ = wizard.act(ready(), Act.START, READY)
+    facts = later(READY, FREE.countdown)
+    w, _ = wizard.tick(w, facts)
+    with pytest.raises(NotNowError):
+        wizard.act(w, Act.ENOUGH, later(facts, 11.0))
+    w, orders = wizard.act(w, Act.ENOUGH, later(facts, 13.0))
+    assert w.state is State.FREE_WORK
+    assert orders[1].end - orders[1].onset == pytest.approx(13.0)
+
+
+def test_it_is_offered_where_hand_and_a_first_phalanx_are_measured_and_the_method_uses_it() -> None:
+    bare = replace(READY, measured=frozenset({"hand", "index_distal"}))
+    made = Wizard(PROTOCOLS, 3.0, free=FREE, state=State.TASKS)
+    assert Act.FREE in made.allowed(READY)
+    assert Act.FREE not in made.allowed(bare)
+    assert Act.FREE not in Wizard(PROTOCOLS, 3.0, state=State.TASKS).allowed(READY)
+
+
+def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
+    shown = [ghost.ghost(ready(state=s), THUMB, t) for s in (State.FREE_READY, State.FREE_RUN) for t in (0.0, 2.5)]
+    assert all(angles is not None for angles in shown)
+    assert not np.allclose(shown[0], shown[1])  # type: ignore[arg-type]
+    assert ghost.ghost(ready(state=State.FREE_WORK), THUMB, 0.0) is None
+
+
+def test_only_lengths_of_another_glove_are_taken_over() -> None:
+    known = Known("left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04})
+    assert free_movement.reused(known, "g1", "g1") is known
+    assert free_movement.reused(known, "g1", "") is known  # a glove that does not say its number
+    assert free_movement.reused(known, "g1", "g2") == Known("left", {}, {}, {"index_proximal": 0.04})
+
+
+@pytest.mark.parametrize(("act", "left"), [(Act.REDO, "redone"), (Act.STOP, "not used"), (Act.USE, "")])
+def test_the_movement_is_kept_as_such_until_it_is_taken_back(
+    station: Station,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+    act: Act,
+    left: str,
+) -> None:
+    kept: dict[str, Event | None] = {}
+    given: list[Found] = []
+    monkeypatch.setattr(station.glove, "keep_event", kept.__setitem__)
+    monkeypatch.setattr(station.glove, "send", lambda cue: None)
+    monkeypatch.setattr(free_movement, "Solving", lambda recording: None)
+    monkeypatch.setattr(station.free, "_keep", lambda what, glove: given.append(what))
+    w, facts, orders = moved(ready())
+    station._wizard = w
+    station._do(orders, facts)
+    station.free.found = found()
+    station._wizard = wizard.solved(w, facts)
+    station.act(act)
+    (event,) = kept.values()
+    assert event is not None
+    if left:
+        assert (event.trial_type, event.details, given) == ("annotation", {"task_name": "free_movement", "outcome": left}, [])
+        assert station.free.known(None, "") is None
+    else:
+        assert (event.trial_type, len(given)) == ("free_movement", 1)
+        known = station.free.known(None, "")
+        assert known is not None and known.lengths == {"index_proximal": 0.043}
+
+
+def test_a_hand_that_rests_is_refused_in_words_by_a_process_of_its_own() -> None:
+    whole = loaded(in_strips("left"))
+    rest = {name: block.between(0.0, 4.0) for name, block in whole.samples.items()}
+    work = Solving(LoadedRecording(whole.hand, whole.geometry, whole.mounting, rest, ()))
+    work._process.join(120)
+    work.look()
+    assert work.over
+    assert "self-calibration needs 10 s" in work.refusal
+
+
+def test_a_computation_that_dies_or_lasts_too_long_is_told() -> None:
+    whole = loaded(in_strips("left"))
+    work = Solving(LoadedRecording(whole.hand, whole.geometry, whole.mounting, whole.samples, ()))
+    work._process.kill()
+    work._process.join()
+    work.look()
+    assert work.refusal == solving.ENDED
