@@ -35,7 +35,7 @@ HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a blo
     "pinches": held.pinches,
     **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in held_object.TASKS.items()},
 }
-FREE, MORE = "free_movement", 5.0  # s that a person goes on beyond what is asked for
+FREE, BEYOND = "free_movement", 5.0  # s that a person goes on beyond what is asked for
 UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD, FREE})
 
 
@@ -231,7 +231,7 @@ def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, 
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
     if task == FREE:
         begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
-        return guided.free(geometry, rng, float(details.get("duration", 40.0)) + MORE), begins
+        return guided.free(geometry, rng, float(details.get("duration", 40.0)) + BEYOND), begins
     if task == "wiggle" and details.get("finger") in FINGERS:
         return tasks.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
     if task in tasks.TIMED and "duration" in details:
