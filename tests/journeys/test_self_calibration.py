@@ -1,0 +1,81 @@
+"""A hand calibrates itself in the wizard, is kept with the patient, and the next session is asked what it takes over."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.journeys.house import LONG, ROOT, Server, act, api, end_session, keep_picture, new_patient, shown
+from tests.journeys.test_accessibility import looked_at
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def one_finger(tmp_path: Path) -> Iterator[Path]:
+    """A virtual glove with the index finger's strip alone: it is solved in seconds."""
+    port = tmp_path / "glove"
+    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(port), "--hand", "left", "--strips", "index"]
+    with subprocess.Popen(words, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "glove with" in process.stdout.readline()
+        yield port
+        process.terminate()
+
+
+def begin(page: Page, server: Server, patient: int, port: Path, takes: str = "") -> None:
+    page.goto(f"{server.base}/patients/{patient}")
+    page.locator('input[name="hand"][value="left"]').check()
+    page.get_by_role("radio", name="Another port").check()
+    page.get_by_label("Port", exact=False).last.fill(str(port))
+    if takes:
+        page.get_by_role("button", name="Start session").click()
+        shown(page.get_by_text("Choose what is taken over, or nothing."))
+        page.locator(f'input[name="reuse"][value="{takes}"]').check()
+        looked_at(page, "new session")
+    page.get_by_role("button", name="Start session").click()
+    page.wait_for_url("**/stations/*")
+
+
+def posed(page: Page) -> None:
+    shown(act(page, "start")).click()
+    shown(act(page, "accept"))
+
+
+def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
+    another_page: Callable[..., Page], server: Server, one_finger: Path
+) -> None:
+    page = another_page(scene=False, bypass_csp=True)
+    patient = new_patient(page)
+    begin(page, server, patient, one_finger)
+    shown(act(page, "continue")).click()
+    posed(page)
+    act(page, "free").click()
+    shown(page.get_by_role("heading", name="Move hand and fingers freely"))
+    looked_at(page, "free movement")
+    act(page, "start").click()
+    shown(page.get_by_role("meter", name="Index PIP"))
+    looked_at(page, "free movement, moving")
+    keep_picture(page, "free-movement")
+    shown(act(page, "enough")).click()
+    shown(page.get_by_role("heading", name="Use what was found?"), 2 * LONG)
+    expect(page.get_by_text("of 2 lengths found")).to_be_visible()
+    looked_at(page, "self-calibration found")
+    keep_picture(page, "self-calibration-found")
+    act(page, "use").click()
+    shown(page.get_by_text("Initial pose again"))
+    posed(page)
+    station = api(page, f"/api/stations/{page.url.rsplit('/', 1)[1]}")
+    assert station["calibration"]["source"] == "initial pose, seats and lengths from self-calibration"
+    end_session(page)
+    shown(page.get_by_text("This session takes over lengths and how the sensors sit"))
+    looked_at(page, "session with self-calibration")
+    (kept,) = api(page, f"/api/patients/{patient}/self-calibrations")
+    assert (kept["hand"], kept["withdrawn"]) == ("left", None)
+
+    begin(page, server, patient, one_finger, takes="nothing")
+    session = api(page, f"/api/stations/{page.url.rsplit('/', 1)[1]}")["session"]
+    assert api(page, f"/api/sessions/{session}/reuse")["decided"]["parts"] == "nothing"
