@@ -77,7 +77,7 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     R = quat.matrix(at.q_GS[start - 1 : stop + 1])[at_three - (start - 1)]  # (T, 3, S, 3, 3)
     read = problem.acc[start - 1 : stop + 1]
     f = _true(at, read)[at_three - (start - 1)]  # (T, 3, S, 3)
-    e, by = np.zeros((T, J, 3)), np.zeros((T, J, 3, 3, S, 3))
+    by = np.zeros((T, J, 3, 3, S, 3))
     by_parameters = np.zeros((T, J, 3, 12 * J + 12 * S))
     felt = np.einsum("k,tksij->tsij", NUMEROV, R)
     scaled = np.einsum("k,tksij,tksl->tsijl", NUMEROV, R, read[at_three - (start - 1)]).reshape(T, S, 3, 9)
@@ -86,7 +86,6 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
             bent, c_S, arm = _pulled(problem, at, int(s), still, at_three)
             g = SECOND_DIFFERENCE[:, None] / dt**2 * arm + NUMEROV[:, None] * f[:, :, s]
-            e[:, k] += sign * np.einsum("tkij,tkj->ti", R[:, :, s], g)
             by[:, k, :, :, s] = -sign * (R[:, :, s] @ quat.skew(g)).transpose(0, 2, 1, 3)
             swung = turned[:, :, s].sum(axis=1)
             by_parameters[:, k, :, place : place + 3] = sign * swung
@@ -98,11 +97,32 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * pulling @ quat.skew(still)
                 by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * pulling
     L = whitening(problem, start, stop)
-    grown = 1 + np.trace(at.scale_acc, axis1=1, axis2=2).mean() / 3
-    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (e, by, by_parameters)]
-    mixed[2][..., 12 * J + 3 * S :] -= mixed[0] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    r, grown = met(problem, at, start, stop), common_scale(at)
+    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
+    mixed[1][..., 12 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.bias_acc, c.scale_acc)
-    return Terms(start - 1, 3, mixed[0][..., 0], mixed[1], mixed[2], cols)
+    return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
+
+
+def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
+    """The residuals (T, 3 J) of `meeting` alone."""
+    chain, start, stop = problem.chain, max(start, 1), min(stop, len(problem) - 1)
+    R, f = quat.matrix(at.q_GS[start - 1 : stop + 1]), _true(at, problem.acc[start - 1 : stop + 1])
+    samples, e = np.arange(start - 1, stop + 1), np.zeros((stop - start, len(chain.joints), 3))
+    for k in range(len(chain.joints)):
+        for sign, s, still in ((1.0, chain.children[k], at.near[k]), (-1.0, chain.parents[k], at.far[k])):
+            arm = np.einsum("tij,tj->ti", R[:, s], _pulled(problem, at, int(s), still, samples)[2])
+            force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
+            for place, (swing, share) in enumerate(zip(SECOND_DIFFERENCE / problem.dt**2, NUMEROV)):
+                three = slice(place, place + stop - start)
+                e[:, k] += sign * (swing * arm[three] + share * force[three])
+    white = whitening(problem, start, stop) @ e
+    return np.asarray(white.reshape(len(e), -1) / common_scale(at))
+
+
+def common_scale(at: Unknowns) -> float:
+    """Of the accelerometers, as it is being estimated."""
+    return float(1 + np.trace(at.scale_acc, axis1=1, axis2=2).mean() / 3)
 
 
 def _pulled(problem: Problem, at: Unknowns, s: int, arm: Array, samples: Indices) -> tuple[Array, Array, Array]:

@@ -14,8 +14,8 @@ from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import IDEAL
 from tests.estimators.self_calibration.fingers import HINGED, readings
 
-SAMPLES = 6
-HUMAN = chain(("hand", "index_proximal", "index_middle", "index_distal", "thumb_metacarpal", "thumb_proximal"))
+SAMPLES = 5
+HUMAN = chain(("hand", "index_proximal", "index_middle", "thumb_metacarpal", "thumb_proximal"))
 
 
 def _somewhere() -> tuple[Problem, Unknowns]:
@@ -46,7 +46,7 @@ def _somewhere() -> tuple[Problem, Unknowns]:
 
 
 @pytest.mark.parametrize("kind", residuals.EVERY_SAMPLE, ids=lambda k: k.__name__)
-@pytest.mark.parametrize("stretch", [(0, SAMPLES), (0, 3), (2, 5)])
+@pytest.mark.parametrize("stretch", [(0, SAMPLES), (0, 3), (1, 4)])
 def test_derivatives_of_a_residual(kind: Callable[..., residuals.Terms], stretch: tuple[int, int]) -> None:
     problem, at = _somewhere()
     terms = kind(problem, at, *stretch)
