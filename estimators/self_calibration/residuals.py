@@ -170,7 +170,7 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             for m in np.flatnonzero(chain.children == s):
                 by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * bent[:, None, None] * R[:, s] @ quat.skew(still)
     cols = _cols(c.axis_far, c.axis_near, c.skin_turn)
-    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, -1), cols)
+    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 3 * J), cols)
 
 
 def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:

@@ -1,0 +1,299 @@
+"""The normal equations of a whole hand: those of its limbs, put together two samples at a time while they are factored.
+
+In      a HandProblem, a HandPlace
+Out     increments, covariance of the parameters, draws; time and memory grow linearly with the recording, one factor of the border never exists as a whole
+Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur complement: Triggs et al. 2000, 6.1
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from estimators import quaternions as quat
+from estimators.quaternions import Array
+from estimators.self_calibration import hand_problem, normal_equations, residuals
+from estimators.self_calibration.hand_problem import OWN, HandPlace, HandProblem, Layout
+from estimators.self_calibration.normal_equations import Normal, Step
+from estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
+from estimators.self_calibration.residuals import Terms
+
+CHUNK = 512  # samples whose derivatives are in memory at once
+PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further
+TOGETHER = 8  # pairs whose share of the border is summed at once
+
+
+@dataclass(frozen=True)
+class HandNormal:
+    layout: Layout
+    limbs: tuple[Normal, ...]  # their C and c are taken up in the whole's
+    error: Array  # (n, 3) residuals of the hand's accelerometer's error
+    error_sd: Array  # (n,)
+    C: Array  # (P, P)
+    c: Array  # (P,)
+    cost: float
+
+
+@dataclass(frozen=True)
+class HandFactor:
+    """Of the band A = L L' in blocks of pairs of samples; the covariance of the parameters."""
+
+    layout: Layout
+    L: Array  # (K, 2 each, 2 each)
+    below: Array  # (K, 2 each, 2 each) in the rows of pair k + 1 and the columns of pair k
+    covariance: Array  # (P, P)
+    parameters: Array  # (P,) their increment towards the minimum
+
+
+def built(problem: HandProblem, at: HandPlace) -> HandNormal:
+    """The normal equations at a place, and its cost."""
+    where, sd = hand_problem.layout(problem), hand_problem.error_sd(problem)
+    limbs, C, c = [], np.zeros((where.count, where.count)), np.zeros(where.count)
+    off, skin_sd = skin(problem, at)
+    C[where.skin, where.skin], c[where.skin] = np.diag(1 / skin_sd**2), off / skin_sd
+    total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
+    for k, (limb, cols) in enumerate(zip(problem.limbs, where.parameters)):
+        normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
+        for terms in terms_of(problem, at, k):
+            normal_equations.add(normal, terms)
+            total += 0.5 * float((terms.r**2).sum())
+        r, K = priors(limb, at.limbs[k], shares=k == 0)
+        total += 0.5 * float((r**2).sum())
+        own = cols[: K.shape[1]]
+        C[np.ix_(cols, cols)] += normal.C
+        C[np.ix_(own, own)] += K.T @ K
+        c[cols] += normal.c
+        c[own] += K.T @ r
+        limbs.append(normal)
+    return HandNormal(where, tuple(limbs), at.error / sd[:, None] ** 2, sd, C, c, total)
+
+
+def cost(problem: HandProblem, at: HandPlace) -> float:
+    """Half the sum of the squared residuals."""
+    total = 0.5 * float(((at.error / hand_problem.error_sd(problem)[:, None]) ** 2).sum() + (skin(problem, at)[0] ** 2).sum())
+    for k, limb in enumerate(problem.limbs):
+        total += 0.5 * float((priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
+        for start in range(0, len(limb), CHUNK):
+            for kind in _kinds(k):
+                total += 0.5 * float((_alone(problem, at, k, kind, start) ** 2).sum())
+    return total
+
+
+def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
+    """How far the hand's skin moves its sensor, in standard deviations, and these (6 F,)."""
+    noise, quarter = problem.noise, np.pi / 2
+    sd = np.repeat([np.radians(noise.skin_turn) / quarter, 1e-3 * noise.skin_slide / quarter], 3 * len(problem.limbs))
+    return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel()]) / sd, sd
+
+
+def terms_of(problem: HandProblem, at: HandPlace, k: int) -> Iterator[Terms]:
+    """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first."""
+    limb, place = problem.limbs[k], at.limbs[k]
+    quiet, bending = _quiet(limb), hand_problem.bending(problem)
+    for start in range(0, len(limb), CHUNK):
+        for kind in _kinds(k):
+            if kind is residuals.meeting:
+                yield _meeting(quiet, place, at, bending, start)
+            else:
+                yield _widened(_with_hand(kind(limb, place, start, start + CHUNK), kind, k))
+
+
+def _kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
+    """Of residuals of limb k: the first tells how the hand stays."""
+    return tuple(kind for kind in residuals.EVERY_SAMPLE if k == 0 or kind is not residuals.staying)
+
+
+def _with_hand(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
+    """Rows of the hand's sensor are the first limb's."""
+    if k == 0 or kind is residuals.hinging:
+        return terms
+    return replace(terms, r=terms.r[:, 3:], by_turns=terms.by_turns[:, 3:], by_parameters=terms.by_parameters[:, 3:])
+
+
+def _quiet(limb: Problem) -> Problem:
+    """With the hand's noise an unknown."""
+    return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
+
+
+def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int) -> Array:
+    """Residuals of limb k without derivatives."""
+    limb, place = problem.limbs[k], at.limbs[k]
+    if kind is residuals.meeting:
+        return _met(_quiet(limb), place, at, hand_problem.bending(problem), start)[0]
+    return _with_hand(kind(limb, place, start, start + CHUNK), kind, k).r
+
+
+def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int) -> tuple[Array, Array]:
+    """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
+    first, stop, root = max(start, 1), min(start + CHUNK, len(quiet) - 1), hand_problem.root(quiet.chain)
+    r = residuals.met(quiet, place, start, start + CHUNK).reshape(stop - first, -1, 3)
+    seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
+    samples = np.arange(first - 1, stop + 1)
+    v = bending[samples] @ (np.cross(at.skin_turn, place.far[root]) + at.skin_slide)
+    swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
+    e = np.diff(swung, 2, axis=0) / quiet.dt**2
+    pulled = seen * e[:, None] / residuals.common_scale(place)
+    return r + pulled - seen * at.error[first:stop, None], pulled
+
+
+def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int) -> Terms:
+    """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
+    terms, chain = _widened(residuals.meeting(quiet, place, start, start + CHUNK)), quiet.chain
+    T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
+    first, k = terms.first + 1, hand_problem.root(chain)
+    seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
+    grown, (r, pulled) = residuals.common_scale(place), _met(quiet, place, at, bending, start)
+    by_turn, by_far, by_skin = _pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
+
+    def shared(v: Array) -> Array:
+        """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
+        return np.asarray(np.einsum("tj,t...->tj...", seen / grown, v))
+
+    by = terms.by_turns.reshape(T, J, 3, terms.knots, -1)
+    by[..., :3] += shared(by_turn.transpose(0, 2, 1, 3))
+    for axis in range(3):
+        by[:, :, axis, 1, axis - OWN] = -seen
+    slopes = terms.by_parameters.reshape(T, J, 3, -1)
+    slopes[..., 3 * k : 3 * k + 3] += shared(by_far)
+    slopes[..., -9 * S :] -= pulled[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
+    cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
+    return replace(terms, r=r.reshape(T, -1), by_turns=by.reshape(T, 3 * J, -1), by_parameters=slopes.reshape(T, 3 * J, -1), cols=cols)
+
+
+def _pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
+    """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin.
+
+    To first order, as `residuals._pulled`: the sensor sees the joint nearer by the turn's cross product with the arm and the slide.
+    """
+    arm, b = place.far[hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
+    R = residuals.SECOND_DIFFERENCE[:, None, None] / limb.dt**2 * quat.matrix(place.q_GS[:, 0])[samples]
+    v = b @ (np.cross(at.skin_turn, arm) + at.skin_slide)
+    by_far = np.einsum("tkij,tkjl->til", R, quat.skew(b @ at.skin_turn))
+    swung = np.einsum("tkf,tkij->tifj", b, R)
+    T = len(b)
+    by_skin = np.concatenate([(-swung @ quat.skew(arm)).reshape(T, 3, -1), swung.reshape(T, 3, -1)], axis=2)
+    return -R @ quat.skew(v), by_far, by_skin
+
+
+def _widened(terms: Terms) -> Terms:
+    """Columns for the hand's error, behind the turns of each sample."""
+    T, m = terms.r.shape
+    by = terms.by_turns.reshape(T, m, terms.knots, terms.by_turns.shape[2] // terms.knots)
+    wide = np.concatenate([by, np.zeros((T, m, terms.knots, OWN))], axis=3)
+    return replace(terms, by_turns=wide.reshape(T, m, terms.knots * wide.shape[3]))
+
+
+def priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
+    r, K = residuals.priors(limb, at)
+    if shares:
+        return r, K
+    own = np.delete(K, hand_problem.common(limb.chain), axis=1).any(axis=1)
+    return r[own], K[own]
+
+
+def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
+    """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
+    where, E = normal.layout, PAIR * normal.layout.each
+    P, K = where.count, -(-len(normal.error) // PAIR)
+    L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
+    border = np.zeros((TOGETHER, E, P + 1))  # L^-1 [B, a]
+    known = np.zeros((P + 1, P + 1))
+    for k in range(0, K, TOGETHER):
+        D, B = _put_together(normal, k, below[k : k + TOGETHER], damping)
+        for j in range(len(D)):
+            if k + j:
+                D[j] -= below[k + j - 1] @ below[k + j - 1].T
+                B[j] -= below[k + j - 1] @ border[j - 1]  # for j = 0 the last of the pairs before
+            L[k + j] = _root(D[j])
+            border[j] = blas.dtrsm(1.0, L[k + j].T, B[j].T, side=1, lower=0, overwrite_b=1).T
+            below[k + j] = blas.dtrsm(1.0, L[k + j].T, below[k + j].T, side=0, lower=0, trans_a=1).T
+        flat = border[: len(D)].reshape(-1, P + 1)
+        known += flat.T @ flat
+        border[-1] = border[len(D) - 1]
+    C = normal.C.copy()
+    C[np.diag_indices_from(C)] *= 1 + damping
+    covariance = normal_equations.inverse(C - known[:P, :P])
+    return HandFactor(where, L, below, covariance, covariance @ (known[:P, P] - normal.c))
+
+
+def _root(D: Array) -> Array:
+    upper, failed = lapack.dpotrf(D.T, lower=0, clean=1)
+    if failed:
+        raise np.linalg.LinAlgError("the readings do not tell the trajectory")
+    return np.asarray(upper.T)
+
+
+def _put_together(normal: HandNormal, k: int, below: Array, damping: float) -> tuple[Array, Array]:
+    """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
+    where, n, m = normal.layout, len(normal.error), len(below)
+    e, P = where.each, where.count
+    D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
+    under = below.reshape(m, PAIR, e, PAIR, e)
+    error = np.arange(e)[where.error]
+    for half in range(PAIR):
+        t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
+        pairs = np.arange(len(t))
+        for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
+            across = (pairs[:, None, None], rows[:, None], rows)
+            D[:, half, :, half][across] += limb.A[t, 0]
+            (D[:, 1, :, 0] if half == 0 else under[:, 0, :, 1])[across] += limb.A[t, 1]
+            under[:, half, :, half][across] += limb.A[t, 2]
+            B[:, half][pairs[:, None, None], rows[:, None], cols] += limb.B[t]
+            B[:, half, :, P][pairs[:, None], rows] += limb.a[t]
+        D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
+        B[:, half, :, P][pairs[:, None], error] += normal.error[t]
+        D[len(t) :, half, np.arange(e), half, np.arange(e)] = 1.0  # no sample: the last pair of an odd number
+    whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
+    whole[:, diagonal, diagonal] *= 1 + damping
+    return whole, B.reshape(m, PAIR * e, P + 1)
+
+
+def step(normal: HandNormal, factor: HandFactor) -> Step:
+    """Where the minimum of the quadratic model lies from here."""
+    rhs = -_bordered(normal, factor.parameters)
+    for limb, rows in zip(normal.limbs, normal.layout.sample):
+        rhs[:, rows] -= limb.a
+    rhs[:, normal.layout.error] -= normal.error
+    x = _backward(factor, _forward(factor, _paired(rhs)))
+    return Step(x.reshape(-1, normal.layout.each)[: len(rhs)], factor.parameters)
+
+
+def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array) -> Step:
+    """One draw from the distribution with the equations' covariance, of independent standard normal numbers (n, each) and (P,)."""
+    parameters = np.linalg.cholesky(factor.covariance) @ of_parameters
+    told = _forward(factor, _paired(_bordered(normal, parameters)))
+    x = _backward(factor, _paired(of_samples) - told)
+    return Step(x.reshape(-1, normal.layout.each)[: len(of_samples)], parameters)
+
+
+def _bordered(normal: HandNormal, parameters: Array) -> Array:
+    """B p (n, each)."""
+    found = np.zeros((len(normal.error), normal.layout.each))
+    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
+        found[:, rows] += limb.B @ parameters[cols]
+    return found
+
+
+def _paired(v: Array) -> Array:
+    """(n, each) as (K, 2 each), a sample of zeros where one is missing."""
+    return np.concatenate([v, np.zeros((len(v) % PAIR, v.shape[1]))]).reshape(-1, PAIR * v.shape[1])
+
+
+def _forward(factor: HandFactor, y: Array) -> Array:
+    y = y.copy()
+    for k in range(len(y)):
+        if k:
+            y[k] -= factor.below[k - 1] @ y[k - 1]
+        y[k] = blas.dtrsv(factor.L[k].T, y[k], lower=0, trans=1)
+    return y
+
+
+def _backward(factor: HandFactor, x: Array) -> Array:
+    x = x.copy()
+    for k in range(len(x) - 1, -1, -1):
+        if k + 1 < len(x):
+            x[k] -= x[k + 1] @ factor.below[k]
+        x[k] = blas.dtrsv(factor.L[k].T, x[k], lower=0)
+    return x

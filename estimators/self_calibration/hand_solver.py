@@ -1,0 +1,71 @@
+"""The most probable movement of a whole hand, from fingers that were solved one by one.
+
+In      Solutions of limbs over the same samples, each with the hand's sensor as its root
+Out     HandSolution: each limb's Solution with the covariance that it has in the whole; draws of all limbs together
+Source  solver.py, posterior.py for one limb
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.self_calibration import hand_equations, hand_problem, posterior
+from estimators.self_calibration.hand_equations import HandFactor, HandNormal
+from estimators.self_calibration.hand_problem import HandPlace, HandProblem
+from estimators.self_calibration.normal_equations import Factor
+from estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
+from estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
+
+
+@dataclass(frozen=True)
+class HandSolution:
+    problem: HandProblem
+    at: HandPlace
+    outcome: Outcome
+    costs: tuple[float, ...]
+    normal: HandNormal
+    factor: HandFactor
+
+
+def solve(
+    alone: Sequence[Solution], noise: Noise, limits: Limits, go_on: Callable[[int, float], bool] = lambda k, cost: True
+) -> HandSolution:
+    """Go down from what was found limb by limb."""
+    problem, start = hand_problem.gathered([s.problem for s in alone], noise), hand_problem.merged([s.at for s in alone])
+    way = down(Ground(hand_problem.rebent, hand_equations.cost, _sloped), problem, start, limits, go_on)
+    normal = hand_equations.built(way.problem, way.at)
+    return HandSolution(way.problem, way.at, way.outcome, way.costs, normal, hand_equations.factored(normal))
+
+
+def _sloped(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:
+    normal = hand_equations.built(problem, at)
+
+    def stepped(damping: float) -> HandPlace:
+        step = hand_equations.step(normal, hand_equations.factored(normal, damping))
+        return hand_problem.stepped(at, problem, step.turns, step.parameters)
+
+    return normal.cost, stepped
+
+
+def of_limbs(found: HandSolution) -> list[Solution]:
+    """Each limb as it is in the whole; of its factor only the covariance, draws are those of the whole."""
+    none = np.empty((0, 0, 0))
+    return [
+        Solution(at, limb, found.outcome, found.costs, Factor(none[None], none, found.factor.covariance[np.ix_(cols, cols)]))
+        for at, limb, cols in zip(hand_problem.straightened(found.problem, found.at), found.problem.limbs, _own(found))
+    ]
+
+
+def _own(found: HandSolution) -> list[Indices]:
+    """Where each limb's own columns stand in the whole's."""
+    return [cols[: columns(limb.chain).count] for limb, cols in zip(found.problem.limbs, found.factor.layout.parameters)]
+
+
+def draws(found: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
+    """Places of all limbs as probable as the readings leave them."""
+    n, each, P = len(found.problem), found.factor.layout.each, found.factor.layout.count
+    for k in range(count):
+        numbers = posterior.normal_numbers(n * each + P, k)
+        step = hand_equations.drawn(found.normal, found.factor, numbers[: n * each].reshape(n, each), numbers[n * each :])
+        yield hand_problem.straightened(found.problem, hand_problem.stepped(found.at, found.problem, step.turns, step.parameters))
