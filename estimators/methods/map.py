@@ -3,11 +3,11 @@
 In      inertial samples of the hand and of fingers of which at least the first phalanx has a sensor; no pose, no magnetometer
 Out     Calibration (seats, biases, lengths) at the stretch's beginning; Trajectory: the stretch as it was found, the rest tracked as `m2` does from there
 Source  Kortier, thesis ch. 4; estimators/self_calibration
-Limits  one finger after the other, each with the hand. How the hand's sensor and the last phalanges' sit about a finger's axis is told by no movement: there
+Limits  without the forearm. How the hand's sensor and the last phalanges' sit about a finger's axis is told by no movement: there
         the nominal mounting holds, so the zero of the MCP and DIP joints' flexion is as good as the mounting; last phalanges' lengths by ratio
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -24,16 +24,19 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.run import run
 from estimators.samples import Block, Recording
-from estimators.self_calibration import certainty, first_guess, recordings, segments, solver, steadiness
-from estimators.self_calibration.certainty import Certainty
-from estimators.self_calibration.problem import Noise, Problem, Readings, chain, columns, measured, posed
+from estimators.self_calibration import certainty, first_guess, hand_solver, posterior, recordings, segments, solver, steadiness
+from estimators.self_calibration.certainty import DRAWS, Certainty
+from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, measured, posed
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
-BEGUN = "map is an experiment: fingers are calibrated one after the other (docs/methods.md)"
+BEGUN = "map is an experiment (docs/methods.md)"
+ALONE = "the whole hand as one problem did not come to an end: each finger is as it was found alone, with the hand"
+TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
+SHARE = 0.6  # of the time, for which fingers are solved one by one
 
 
 ROUNDED = 0.05  # s, as durations are said
@@ -88,14 +91,17 @@ def solve(
     wanted = [f for f in CHAINS if CHAINS[f][0] in worn]
     for k, name in enumerate(wanted):
         try:
-            finger = _calibrated(params, recording, blocks, name, start, stop, lambda share, k=k: progress((k + share) / len(wanted)))  # type: ignore[misc]
+            finger = _calibrated(
+                params, recording, blocks, name, start, stop, _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
+            )
         except InputError as problem:
             said.append(str(problem))
             continue
         fingers.append(finger)
-        said += _told(params, finger)
     if not fingers:
         raise InputError(said[0] if said else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges")
+    fingers, of_hand = _together(params, recording, fingers, progress)
+    said += [*of_hand, *(word for finger in fingers for word in _told(params, finger))]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     return _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers), [calibration], said
@@ -141,9 +147,39 @@ def _calibrated(
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
     _require_one_minimum(finger, found)
+    return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
+
+
+def _together(
+    params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
+) -> tuple[list[Finger], list[str]]:
+    """All fingers as one problem with the hand that they share; as they were found alone where that does not come to an end."""
+    if len(alone) < 2:
+        return alone, []
+    noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
+    try:
+        found = hand_solver.solve(
+            [f.solution for f in alone],
+            noise,
+            TOGETHER,
+            lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
+        )
+    except np.linalg.LinAlgError:
+        return alone, [ALONE]
+    if found.outcome != "converged":
+        return alone, [ALONE]
+    drawn = zip(*hand_solver.draws(found, DRAWS))
+    return [
+        _described(params, recording, f.name, f.t, limb, draws) for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
+    ], []
+
+
+def _described(params: Params, recording: Recording, finger: str, t: Array, found: Solution, draws: Iterable[Unknowns]) -> Finger:
+    """What a solution says of a finger."""
     told = segments.of_solution(found, recording.hand, recording.mounting)
     sure = certainty.of_finger(
         found,
+        draws,
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
@@ -172,6 +208,10 @@ def _require_one_minimum(finger: str, found: Solution) -> None:
         raise InputError(
             f"{finger}: the calibration did not come to an end; record 40 s of free movement again; this finger is not calibrated"
         )
+
+
+def _part(progress: Callable[[float], None], begun: float, share: float) -> Callable[[float], None]:
+    return lambda done: progress(begun + share * done)
 
 
 def _heard(progress: Callable[[float], None], share: float) -> bool:

@@ -1,11 +1,11 @@
 """How sure the seats, the places and the movement of one finger are: everything drawn again as the readings, and the nominal mounting, leave it open.
 
-In      a Solution of one finger, its Segments
+In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
 Out     Certainty: standard deviations of seats, places, angles and tip
 Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, 
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.self_calibration import posterior, segments
+from estimators.self_calibration.problem import Unknowns
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Solution
 
@@ -36,13 +37,18 @@ class Certainty:
 
 
 def of_finger(
-    found: Solution, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float, sized: Callable[[Segments, float], HandGeometry]
+    found: Solution,
+    draws: Iterable[Unknowns],
+    hand: Hand,
+    mounting: Mapping[str, Array],
+    mounting_sd: float,
+    sized: Callable[[Segments, float], HandGeometry],
 ) -> Certainty:
     """`mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number for what no movement tells of lengths."""
     rows = np.unique(np.append(np.arange(0, len(found.problem), EVERY), len(found.problem) - 1))
     best = _thinned(found, rows)
     told = segments.of_solution(best, hand, mounting)
-    others = list(_drawn(best, found, rows, hand, mounting, mounting_sd))
+    others = list(_drawn(best, draws, rows, hand, mounting, mounting_sd))
     angles, tip = _moved(told, sized(told, 0.0))
     moved = [_moved(other, sized(other, luck)) for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))]
     return Certainty(
@@ -55,10 +61,10 @@ def of_finger(
 
 
 def _drawn(
-    best: Solution, found: Solution, rows: Array, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float
+    best: Solution, draws: Iterable[Unknowns], rows: Array, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float
 ) -> Sequence[Segments]:
     others = []
-    for k, at in enumerate(posterior.draws(found.problem, found.at, found.factor, DRAWS)):
+    for k, at in enumerate(draws):
         turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
         seated = {s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float)) for s, turn in zip(SEGMENTS, turns)}
         others.append(segments.of_solution(replace(best, at=replace(at, q_GS=at.q_GS[rows])), hand, seated))

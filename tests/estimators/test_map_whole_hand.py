@@ -1,0 +1,133 @@
+"""The whole hand as one problem: through `process`, as a user meets it; fingers that share the hand know more of each other than alone."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimators.hand_anatomy import CHAINS, FLEXION, JOINT
+from estimators.hand_geometry import HandGeometry, sized
+from estimators.methods import BATCH
+from estimators.processing import Processed, process
+from estimators.quaternions import Array
+from estimators.self_calibration import hand_solver, segments, solver
+from estimators.self_calibration.hand_solver import HandSolution
+from estimators.self_calibration.problem import columns
+from estimators.self_calibration.solver import Solution
+from estimators.simulation import free_movement
+from estimators.simulation.scenario import Simulated
+from estimators.simulation.sensors import SensorErrors
+
+DEG = np.pi / 180
+METHOD = BATCH["map"]
+FINGERS = ("index", "middle")
+WORN = ("hand", *(s for f in FINGERS for s in CHAINS[f]))
+DURATION = 12.0  # s
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording calibrated, and what was solved on the way."""
+
+    made: Simulated
+    geometry: HandGeometry  # true
+    done: Processed
+    alone: Sequence[Solution]
+    together: HandSolution
+
+
+def _recorded() -> tuple[Simulated, HandGeometry]:
+    """Two fingers 5 % longer and shorter than an average hand's, with all errors of sensors and skin."""
+    average = sized("left")
+    grown = {s: length * (1.05 if s.endswith("proximal") else 0.95) for s, length in average.lengths.items()}
+    true = replace(average, lengths=grown)
+    return free_movement.recorded(np.random.default_rng(11), SensorErrors(), "left", true, average, WORN, DURATION), true
+
+
+@pytest.fixture(scope="session")
+def case() -> Case:
+    """Solved once; what passes by the whole hand's solver is kept."""
+    made, true = _recorded()
+    with pytest.MonkeyPatch.context() as patch:
+        passed: list[Any] = []
+        patch.setattr(hand_solver, "solve", _kept(hand_solver.solve, passed))
+        done = process(METHOD, METHOD.Params(), made)
+    ((alone, together),) = passed
+    return Case(made, true, done, alone, together)
+
+
+def _kept(function: Callable[..., Any], passed: list[Any]) -> Callable[..., Any]:
+    def called(alone: Sequence[Solution], *others: Any) -> HandSolution:
+        found: HandSolution = function(alone, *others)
+        passed.append((alone, found))
+        return found
+
+    return called
+
+
+def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
+    """From an average hand's lengths and nominal mountings."""
+    found = case.done.calibrations[0]
+    assert case.together.outcome == "converged"
+    for name in (f"{f}_{s}" for f in FINGERS for s in ("proximal", "middle")):
+        assert found.geometry.lengths[name] == pytest.approx(case.geometry.lengths[name], rel=0.02)
+        assert found.lengths_sd[name] < 0.015 * found.geometry.lengths[name]
+    moved, truth = case.done.trajectory, case.made.truth
+    inside = (moved.t > 2.0) & (moved.t < DURATION - 2.0)
+    for joint in ("index_pip", "middle_pip"):
+        off = (moved.angles - truth.angles)[inside, JOINT[joint], FLEXION]
+        assert np.sqrt(np.mean(off**2)) < 2.0 * DEG
+
+
+def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:
+    """Although the skin on the hand is among the unknowns now."""
+    before, after = (
+        sum(sum(segments.of_solution(limb, "left", case.made.mounting).lengths_sd.values()) for limb in limbs)
+        for limbs in (case.alone, hand_solver.of_limbs(case.together))
+    )
+    assert after < before
+
+
+def test_the_covariance_of_all_parameters_is_honest(case: Case) -> None:
+    """Mean squared errors in standard deviations of what the simulation knows: biases, scales; 1 where honest."""
+    z: dict[str, list[Array]] = {"acc_bias": [], "scale": [], "length": []}
+    worn, true = case.made.sensors, np.linalg.inv(case.made.sensors.matrix) - np.eye(3)
+    for limb in hand_solver.of_limbs(case.together):
+        c, sd = columns(limb.problem.chain), np.sqrt(np.diag(limb.factor.covariance))
+        rows = [WORN.index(s) for s in limb.problem.chain.sensors]
+        z["acc_bias"].append((limb.at.bias_acc - worn.bias[rows, 3:6]).ravel() / sd[c.bias_acc])
+        z["scale"] += [
+            (limb.at.scale_gyr - true[0][rows]).ravel() / sd[c.scale_gyr],
+            (limb.at.scale_acc - true[1][rows]).ravel() / sd[c.scale_acc],
+        ]
+        told = segments.of_solution(limb, "left", case.made.mounting)
+        z["length"].append(np.array([(told.lengths[s] - case.geometry.lengths[s]) / told.lengths_sd[s] for s in told.lengths]))
+    errors = {name: float(np.mean(np.concatenate(off) ** 2)) for name, off in z.items()}
+    assert errors["acc_bias"] == pytest.approx(1.0, abs=0.75)
+    assert errors["scale"] == pytest.approx(1.0, abs=0.5)
+    assert errors["length"] < 4.0
+
+
+def test_skin_on_the_back_of_the_hand_is_told_apart(case: Case) -> None:
+    """It follows the middle finger's flexion, and not the index finger's."""
+    found, none = case.together, np.zeros(3)
+    sd = np.sqrt(np.diag(found.factor.covariance))[found.factor.layout.skin].reshape(2, 2, 3)
+    off = np.array(
+        [found.at.skin_turn - [none, case.made.sensors.skin_turn[0]], found.at.skin_slide - [none, case.made.sensors.skin_slide[0]]]
+    )
+    assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+    assert np.linalg.norm(found.at.skin_turn[1]) > 3 * np.linalg.norm(found.at.skin_turn[0])
+
+
+def test_where_the_whole_hand_does_not_come_to_an_end_fingers_are_as_they_were_found_alone(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = {s.problem.chain.sensors: s for s in case.alone}
+    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    monkeypatch.setattr(hand_solver, "solve", lambda *others: replace(case.together, outcome="not converged"))
+    done = process(METHOD, METHOD.Params(), case.made)
+    assert any("the whole hand as one problem did not come to an end" in said for said in done.warnings)
+    told = segments.of_solution(case.alone[0], "left", case.made.mounting)
+    assert done.calibrations[0].lengths_sd["index_proximal"] == pytest.approx(told.lengths_sd["index_proximal"], rel=1e-9)
