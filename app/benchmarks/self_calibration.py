@@ -1,34 +1,51 @@
-"""Self-calibration of one finger: time over the recording's length, memory."""
+"""Self-calibration of one finger and of a whole hand: time over the recording's length, memory."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
 from app.benchmarks import Metric
 from app.benchmarks.peak import high_water
+from estimators.hand_geometry import sized
 from estimators.methods import BATCH
 from estimators.processing import process
-from estimators.simulation import artificial_finger
+from estimators.simulation import artificial_finger, free_movement
+from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import SensorErrors
 
 LENGTHS = (10.0, 20.0, 40.0)  # s
+FINGER, HAND = 20.0, 90.0  # s of time that 40 s of one finger, and of a whole hand of 16 sensors, may take
 
 
 def measure() -> list[Metric]:
     """Processor's time of the whole method, from samples to angles with standard deviations."""
-    method, seconds = BATCH["map"], []
-    for length in (LENGTHS[0], *LENGTHS):  # the first translates what is compiled
-        made = artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=length)
-        began = time.process_time()
-        process(method, method.Params(), made)
-        seconds.append(time.process_time() - began)
-    timed = [
-        Metric(f"map, one finger, {length:g} s", took, "s", 20.0 if length == LENGTHS[-1] else None, "lower")
-        for length, took in zip(LENGTHS, seconds[1:])
-    ]
-    growth = seconds[3] / seconds[2]
+    _seconds(_finger(LENGTHS[0]))  # translates what is compiled
     return [
-        *timed,
-        Metric("map, time for 40 s over that for 20 s", growth, "1", 3.0, "lower"),
+        *_timed("one finger", _finger, LENGTHS, FINGER),
+        *_timed("whole hand", _hand, LENGTHS[1:], HAND),
         Metric("map, peak memory", high_water(), "MB", 2000.0, "lower"),
     ]
+
+
+def _timed(name: str, recorded: Callable[[float], Simulated], lengths: tuple[float, ...], most: float) -> list[Metric]:
+    seconds = [_seconds(recorded(length)) for length in lengths]
+    timed = [
+        Metric(f"map, {name}, {length:g} s", took, "s", most if length == LENGTHS[-1] else None, "lower")
+        for length, took in zip(lengths, seconds)
+    ]
+    return [*timed, Metric(f"map, {name}, time for 40 s over that for 20 s", seconds[-1] / seconds[-2], "1", 3.0, "lower")]
+
+
+def _seconds(made: Simulated) -> float:
+    method, began = BATCH["map"], time.process_time()
+    process(method, method.Params(), made)
+    return time.process_time() - began
+
+
+def _finger(length: float) -> Simulated:
+    return artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=length)
+
+
+def _hand(length: float) -> Simulated:
+    return free_movement.recorded(np.random.default_rng(0), SensorErrors(), "left", sized("left"), sized("left"), duration=length)
