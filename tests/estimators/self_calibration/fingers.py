@@ -16,6 +16,7 @@ from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import IDEAL
 
 WHITE = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)  # MPU-9250: noise and constant biases only
+DURATION = 16.0  # s
 SKIN = replace(WHITE, skin_angle=2.0, skin_shift=1.0)
 HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 

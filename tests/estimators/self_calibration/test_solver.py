@@ -9,19 +9,7 @@ from estimators.self_calibration.problem import columns
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
-from tests.estimators.self_calibration.fingers import WHITE, cold, distances, lengths, recorded, slipped
-
-DURATION = 16.0
-
-
-@pytest.fixture(scope="module")
-def solved() -> Solution:
-    return solver.learnt(*cold(recorded(1, DURATION)))
-
-
-@pytest.fixture(scope="module")
-def with_skin() -> Solution:
-    return solver.learnt(*cold(recorded(2, DURATION, skin=True)))
+from tests.estimators.self_calibration.fingers import DURATION, WHITE, cold, distances, lengths, recorded, slipped
 
 
 def test_a_finger_is_measured_from_a_cold_start(solved: Solution) -> None:
@@ -95,10 +83,9 @@ def test_the_minimum_is_one(solved: Solution) -> None:
 
 def test_a_knock_is_trusted_less(solved: Solution) -> None:
     """A sensor hit for three samples changes nothing that matters."""
-    problem, guess = cold(recorded(1, DURATION))
-    acc = problem.acc.copy()
+    acc = solved.problem.acc.copy()
     acc[600:603, 2] += [40.0, -60.0, 25.0]
-    found = solver.learnt(replace(problem, acc=acc), guess)
+    found = solver.learnt(replace(solved.problem, acc=acc), solved.at)
     assert found.outcome == "converged"
     assert found.problem.acc_sd[601, 2] > 10 * np.median(found.problem.acc_sd)
     np.testing.assert_allclose(lengths(found.at), lengths(solved.at), rtol=0.003)
@@ -120,8 +107,8 @@ def test_how_far_joints_are_flexed_is_known(with_skin: Solution) -> None:
 
 def test_a_sensor_that_slipped_is_named(with_skin: Solution) -> None:
     """Turned by 12 deg on its phalanx for the second half."""
-    problem, guess = cold(slipped(recorded(2, DURATION, skin=True), 2, 12.0))
-    found = solver.solve(problem, guess, Limits(iterations=12))
+    problem, _ = cold(slipped(recorded(2, DURATION, skin=True), 2, 12.0))
+    found = solver.solve(problem, with_skin.at, Limits(iterations=6))
     first = steadiness.slips(found)[0]
     assert first.sensor == "index_middle"
     assert first.tilt == pytest.approx(np.radians(12.0), abs=np.radians(3.0))

@@ -18,13 +18,12 @@ MEASURED = Noise(length=0.2)  # mm
 
 
 def _quick() -> tuple[Problem, Unknowns]:
-    return cold(_short(), MEASURED)
+    return cold(_between(2.5, 6.0), MEASURED)
 
 
-def _short() -> Simulated:
-    """3.5 s."""
+def _between(start: float, stop: float) -> Simulated:
     made = recorded(1, 16.0)
-    return replace(made, samples={"imu": made.samples["imu"].between(2.5, 6.0)})
+    return replace(made, samples={"imu": made.samples["imu"].between(start, stop)})
 
 
 def _segments(problem: Problem, guess: Unknowns) -> Segments:
@@ -42,7 +41,7 @@ def test_measured_lengths_make_a_short_recording_sure() -> None:
 
 def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_way() -> None:
     """0.2 mm was said, it is 12 mm; sensors are said to sit within 5 deg, and sit 40 deg off."""
-    problem, guess = cold(recorded(1, 16.0), MEASURED)
+    problem, guess = cold(_between(2.5, 9.0), MEASURED)
     wrong = measured(_mounted_otherwise(problem, quat.about(0, np.radians(40.0))), {SEGMENTS[1]: 0.042})
     found = solver.learnt(wrong, guess)
     told = segments.of_solution(found, "left", recorded(1, 16.0).mounting)

@@ -1,0 +1,17 @@
+"""What takes seconds to solve is solved once for all tests."""
+
+import pytest
+
+from estimators.self_calibration import solver
+from estimators.self_calibration.solver import Solution
+from tests.estimators.self_calibration.fingers import DURATION, cold, recorded
+
+
+@pytest.fixture(scope="session")
+def solved() -> Solution:
+    return solver.learnt(*cold(recorded(1, DURATION)))
+
+
+@pytest.fixture(scope="session")
+def with_skin() -> Solution:
+    return solver.learnt(*cold(recorded(2, DURATION, skin=True)))
