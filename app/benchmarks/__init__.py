@@ -28,6 +28,7 @@ BENCHES = {
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "load": "stations x viewers until the 99th percentile of latency is beyond 80 ms; how much of the machine and of the server's process is used",
     "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
+    "reach_and_hold": "a minute with the magnet, an object lifted with force sensors at 12 and 100 Hz: times real time",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "report": "the report of a whole assessment with the course of 20 sessions, in every language: time to write it",
     "self_calibration": "map over 10, 20 and 40 s of one finger: time, how it grows with the recording, memory",
