@@ -26,6 +26,7 @@ from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 
 WORTH_SAYING = 0.001  # share of flagged samples
 NEAR = 0.1  # s to the nearest sample of the track
+ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal")
 UNHEARD = "the hand's place is not told"
 
 
@@ -122,8 +123,14 @@ def followed(s: Setting, blocks: Sequence[Block]) -> Places:
 
 
 def joined(pieces: Sequence[Places]) -> Places:
-    names = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal")
-    return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in names))
+    return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ROWS))
+
+
+def newest(places: Places) -> Places:
+    """The last row, with the last signal that was heard."""
+    heard = places.signal[np.isfinite(places.signal)]
+    last = Places(*(getattr(places, f)[-1:] for f in ROWS))
+    return replace(last, signal=heard[-1:]) if len(heard) else last
 
 
 def attached(

@@ -21,6 +21,7 @@ WAIT = 30.0  # s for the virtual gloves to come up, on a machine that is busy
 
 def add(parser: argparse.ArgumentParser) -> None:
     serve.add(parser, FOLDER)
+    parser.add_argument("--strips", default="all", metavar="NAMES", help="of the virtual gloves, as `handscope glove` has them: all,trunk")
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     gloves.mkdir(exist_ok=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # as Ctrl-C does: what is below is undone
     paths = [gloves / f"virtual-{hand}-glove" for hand in GLOVES]
-    processes = [_glove(path, hand, seed) for seed, (path, hand) in enumerate(zip(paths, GLOVES))]
+    processes = [_glove(path, hand, seed, arguments.strips) for seed, (path, hand) in enumerate(zip(paths, GLOVES))]
     try:
         _wait(paths, processes)
         serve.serve(arguments, tuple(str(p) for p in paths), browser=not arguments.no_browser)
@@ -56,9 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _glove(path: Path, hand: str, seed: int) -> "subprocess.Popen[bytes]":
+def _glove(path: Path, hand: str, seed: int, strips: str) -> "subprocess.Popen[bytes]":
     path.unlink(missing_ok=True)
-    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(path), "--hand", hand, "--seed", str(seed)]
+    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(path), "--hand", hand, "--seed", str(seed), "--strips", strips]
     return subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
 

@@ -37,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--strips",
         default="all",
         metavar="NAMES",
-        help=f"all, none, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
+        help=f"all, none, all with more, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
     )
     parser.add_argument(
         "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"
@@ -96,7 +96,8 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
         recording = formats.load(arguments.replay, arguments.hand)
         return Playback(replace(recording, samples=full_scales.told(recording.samples)))  # live then bridges what batch does
     hand: Hand = arguments.hand or "left"
-    strips = ALL_STRIPS if arguments.strips == "all" else () if arguments.strips == "none" else tuple(arguments.strips.split(","))
+    named = () if arguments.strips == "none" else tuple(arguments.strips.split(","))
+    strips = (*ALL_STRIPS, *(n for n in named if n != "all")) if "all" in named else named
     common, single = _rates(arguments.rate)
     streams = tuple(replace(s, rate=single.get(s.name, common if s.inertial else s.rate)) for s in layout(strips, common))
     unknown = set(single) - {s.name for s in streams}

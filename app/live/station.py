@@ -25,10 +25,11 @@ from app.live.setup import Setup
 from app.live.telling import beat, tell
 from app.live.tracking import Tracking
 from app.live.viewers import Viewers
+from app.live.whereabouts import Whereabouts
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.scene.hand_scene import HandScene
 from app.version import software_version
-from estimators import calibration_quality
+from estimators import calibration_quality, magnet_streams
 from estimators.calibration import Calibration
 from estimators.calibration_quality import JointQuality
 from estimators.errors import InputError
@@ -36,7 +37,7 @@ from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
 from estimators.hand_geometry import table_of
 from estimators.initial_pose import DEG, THERAPIST, Pose
 from estimators.quaternions import Array
-from estimators.samples import FORCE, Event
+from estimators.samples import Block, Event
 from estimators.simulation.tasks import POSE_THUMB
 from estimators.trajectory import Trajectory
 from sessions.wire.messages import Cue
@@ -86,7 +87,9 @@ class Station:
             **setup.about,
         }
         self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
-        self.glove = Glove(setup.port, setup.recording, about, self.tracking.feed)
+        self.whereabouts = Whereabouts()
+        self._following: threading.Thread | None = None
+        self.glove = Glove(setup.port, setup.recording, about, self._fed)
         self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
         self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
 
@@ -168,12 +171,29 @@ class Station:
                     self._move_freely(facts)
                     self._wiggle(facts)
                     self._draw(facts)
+                    self._place()
                     self._tell(facts)
                     if time.monotonic() - self._drawn > TICK:
                         self._draw_hand()
             except Exception:  # one bad tick must not end a session that records
                 log.exception("station %s", self.name)
             self._viewers.notify()
+
+    def _fed(self, blocks: list[Block]) -> None:
+        """In the glove's thread."""
+        self.tracking.feed(blocks)
+        self.whereabouts.feed(blocks)
+
+    def _place(self) -> None:
+        """Where the hand is, seen from the trunk."""
+        a = self.glove.assembler
+        streams = list(a.streams.values())
+        if (a.plate is not None or magnet_streams.magnetometers(streams)) and not (self._following and self._following.is_alive()):
+            worn = (a.plate, streams, a.mounting)
+            self._following = threading.Thread(target=self.whereabouts.advance, args=worn, name=f"place {self.name}", daemon=True)
+            self._following.start()  # off the tick: on a machine's first use the filter is translated for a minute
+        if (at := self.whereabouts.latest) is not None:
+            self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
 
     def _posed(self, rows: Trajectory) -> None:
         """In the tracker's thread: draw the newest pose, remember the curve."""
@@ -207,10 +227,10 @@ class Station:
         motion = self.tracking.motion()
         newest = self.tracking.newest_sample()
         now = self.glove.now()
-        fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING}
+        fresh = {s: m for s, m in motion.items() if m.seen > newest - FLOWING and s in SEGMENT}
         worst = max(fresh, key=lambda s: fresh[s].rate, default="")
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
-        felt = {p for s in self.glove.assembler.streams.values() if FORCE in s.quantities for p in s.sensors}
+        felt = {p for s in self.glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT}
         kept = self.glove.state.state != "recording_failed"
         return Facts(
             time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh) | felt, bends(fresh), kept

@@ -83,6 +83,7 @@ def tell(station: "Station", wizard: Wizard, facts: Facts, calibration: Calibrat
         "sensor_faults": station.faults if wizard.state is State.CHECKED else [],
         "protocol_faults": [{"reason": fault} for fault in station.setup.faults],
         "numbers": _numbers(station, wizard, facts),
+        "place": station.whereabouts.told(),
         "ended": station.ended,
     }
 

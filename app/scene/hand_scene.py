@@ -19,6 +19,7 @@ from app.scene.hand_beside import BESIDE, HandBeside
 from app.scene.hand_mesh import hand_mesh
 from app.scene.highlight_mesh import highlight_parts
 from app.scene.palette import Paint
+from app.scene.reach_map import ReachMap
 from app.scene.skinned_mesh import SkinnedMesh
 from estimators import quaternions as quat
 from estimators.hand_anatomy import FINGERS, JOINT, SEGMENT, Hand
@@ -42,6 +43,7 @@ class HandScene:
         self._q_DH = view.palm_down(hand)
         self._measured = frozenset(FINGERS)
         self._ghost_is_whole = False
+        self._map: ReachMap | None = None  # drawn once a place is told
         self._server, self.secret = make_server()
         self.port: int = self._server.get_port()
         with self._server.atomic():
@@ -136,6 +138,13 @@ class HandScene:
             if len(places) > 1 and self._q_DG is not None:
                 back = quat.rotate(self._q_DH, view.back_of_hand(self._geometry))
                 self._trail.points = view.trail(quat.rotate(self._q_DG, places) * view.units_per_metre(self._geometry) + back)
+
+    def place(self, place: Array, sd: Array, doubtful: bool) -> None:
+        """Draw on a map where the hand is, (3,) m in the trunk's axes, how sure that is (3,) m, and whether it is to be doubted."""
+        with self._lock, self._server.atomic():
+            if self._map is None:
+                self._map = ReachMap(self._server)
+            self._map.show(place, sd, doubtful)
 
     def highlight(self, segment: str | None) -> None:
         """Light the skin of one segment of hand_anatomy.SEGMENTS, or none."""

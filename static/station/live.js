@@ -18,6 +18,7 @@ import * as score from "./score.js";
 import * as stillness from "./stillness.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
+import * as whereabouts from "./whereabouts.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, about) {
@@ -41,6 +42,7 @@ export function mount(root, api, about) {
     free: place("free"),
     ending: place("ending"),
     tasks: place("tasks", "section"),
+    whereabouts: place("whereabouts", "section"),
     joints: place("joints", "section"),
     angles: place("angles", "section"),
     glove: place("glove", "section"),
@@ -69,6 +71,7 @@ export function mount(root, api, about) {
     [actions, side.actions],
     [ending, side.ending],
     [tasks, side.tasks],
+    [whereabouts, side.whereabouts],
     [joints, side.joints],
     [angles, side.angles],
     [glove, side.glove],

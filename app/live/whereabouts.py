@@ -1,0 +1,78 @@
+"""Where the hand is, seen from the trunk, in a live station: followed by the station's tick, apart from the method, so that neither holds up the other."""
+
+import logging
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from estimators import hand_place
+from estimators.errors import InputError
+from estimators.hand_place import PlaceParams, Places, Setting
+from estimators.magnet_plate import Plate
+from estimators.magnet_streams import concerned
+from estimators.quaternions import Array
+from estimators.samples import Block, Stream
+from estimators.trajectory import PLACE_WORDS
+
+log = logging.getLogger(__name__)
+QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped
+MM = 1e3
+
+
+class Whereabouts:
+    """What the glove's thread feeds and the station's tick advances."""
+
+    def __init__(self, params: PlaceParams | None = None) -> None:
+        self._params = params or PlaceParams()
+        self._queue: deque[Block] = deque(maxlen=QUEUE)
+        self._known: tuple[Any, ...] = ()  # what the setting was made of
+        self._setting: Setting | None = None
+        self._state: hand_place.State | None = None
+        self.latest: Places | None = None  # the newest row
+        self.reason = ""  # why nothing is followed though something of it is worn
+
+    def feed(self, blocks: Sequence[Block]) -> None:
+        """Take blocks from the glove's thread; never waits."""
+        self._queue.extend(b for b in blocks if concerned(b.stream))
+
+    def advance(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+        """Follow what came since the last time; what is worn may have changed."""
+        worn = tuple(s for s in streams if concerned(s))
+        if (plate, worn) != self._known:
+            self._begin(plate, worn, mounting)
+        blocks = [self._queue.popleft() for _ in range(len(self._queue))]
+        if self._setting is None or not blocks:
+            return
+        try:
+            self._state, places = hand_place.step(self._setting, self._state or hand_place.start(self._setting), blocks)
+        except Exception:  # the station goes on, and so does the hand: it is begun again
+            log.exception("the hand's place failed and is begun again")
+            self._state = None
+            return
+        if len(places):
+            self.latest = hand_place.newest(places)
+
+    def told(self) -> dict[str, Any] | None:
+        """For a page, mm of the trunk's axes; None where nothing of it is worn."""
+        if self.latest is None:
+            return {"reason": self.reason} if self.reason else None
+        place, sd, flags = self.latest.place[0], self.latest.sd[0], int(self.latest.flags[0])
+        known = bool(np.isfinite(place).all())
+        return {
+            "reason": self.reason,
+            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag],
+            "mm": [round(float(MM * x)) for x in place] if known else None,
+            "distance_mm": round(float(MM * np.linalg.norm(place))) if known else None,
+            "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
+            "signal_db": round(float(self.latest.signal[0]), 1) if np.isfinite(self.latest.signal[0]) else None,
+        }
+
+    def _begin(self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]) -> None:
+        self._known, self._setting, self._state, self.latest, self.reason = (plate, worn), None, None, None, ""
+        self._queue.clear()
+        try:
+            self._setting = hand_place.setting(self._params, plate, worn, mounting)
+        except InputError as problem:
+            self.reason = str(problem)
