@@ -15,6 +15,7 @@ from sessions import native, records
 from sessions.store import open_store
 from sessions.tables import RecordingFile
 from tests.app.devices.virtual import virtual_glove
+from tests.faults.disturbing import CLOCK, FAILS
 from tests.faults.victim import Victim, wait_for
 
 
@@ -109,6 +110,41 @@ def test_another_glove_on_the_cable_is_told_and_the_session_is_finished(server: 
     recording = native.load(server.data / _file(server, session))
     assert recording.duration > shown, "the other glove's samples go on in time"
     assert any("another glove" in w for w in recording.warnings)
+
+
+def test_a_clock_that_jumps_and_a_method_that_fails_cost_no_sample(server: Victim, glove: Path) -> None:
+    """The hospital's time server sets the clock, two hours ahead and three back; in between the estimator crashes, says so, and goes on."""
+    station, session = begun(server, glove)
+    follow = lambda action: server.call("POST", f"/api/stations/{station}/actions", {"action": action})  # noqa: E731
+    wait_for(lambda: "continue" in told(server, station)["wizard"]["actions"])
+    follow("continue")
+    follow("start")
+    jump(server, 7200.0)
+    wait_for(lambda: told(server, station)["wizard"]["state"] == "pose_review")
+    assert told(server, station)["glove"]["told"] > time.time() + 7000.0, "the clock did jump"
+    follow("accept")
+    wait_for(lambda: told(server, station)["glove"]["row_age_ms"] is not None)
+    (server.data.parent / FAILS).touch()
+    wait_for(lambda: told(server, station)["glove"]["method_failures"] > 0)
+    jump(server, -3600.0)
+    shown = told(server, station)["glove"]["recorded"]
+    wait_for(lambda: told(server, station)["glove"]["recorded"] > shown + 0.5)
+    (server.data.parent / FAILS).unlink()
+    failed = told(server, station)["glove"]["row_age_ms"]
+    wait_for(lambda: told(server, station)["glove"]["row_age_ms"] < failed)
+    after = told(server, station)["glove"]
+    assert after["recorded"] < 600.0, "the glove's time, not the wall's"
+    assert sum(s["lost"] for s in after["strips"]) == 0
+    server.call("DELETE", f"/api/stations/{station}")
+    assert server.call("GET", f"/api/sessions/{session}")["state"] in ("recorded", "processed")
+    recording = native.load(server.data / _file(server, session))
+    assert after["recorded"] - 1.0 < recording.duration < after["recorded"] + 60.0
+    assert not any("was not closed" in w for w in recording.warnings)
+
+
+def jump(server: Victim, seconds: float) -> None:
+    """The server's wall clock is off by so much from now on."""
+    (server.data.parent / CLOCK).write_text(str(seconds))
 
 
 def _file(server: Victim, session: int) -> str:

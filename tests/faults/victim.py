@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from app.api.access import new_token
+from tests.faults import disturbing
 
 WAIT = 180.0  # s until a test gives up
 FORKS = multiprocessing.get_context("forkserver")
@@ -108,6 +109,7 @@ def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:
 def _serve(data: Path, words: tuple[str, ...]) -> None:
     from app.cli import main
 
+    disturbing.install(data.parent)
     log = os.open(data.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
