@@ -15,6 +15,7 @@ const PAGES = [
 ];
 const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
 const api = makeApi();
+const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // who cannot be told is refused by the server
 const main = h("main", { id: "main", tabindex: "-1" });
 const links = [
   ["/", "nav.patients"],
@@ -33,10 +34,10 @@ async function show() {
   main.replaceChildren(h("p", { class: "soft" }, t("loading")));
   document.body.className = "";
   links.forEach((a) => (a.pathname === location.pathname ? a.setAttribute("aria-current", "page") : a.removeAttribute("aria-current")));
-  const page = await load().catch(unloadable);
+  const [page, { roles }] = await Promise.all([load().catch(unloadable), account]);
   if (mine !== turn || !page) return;
   main.replaceChildren();
-  leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title });
+  leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title, roles });
 }
 
 /** A page's module did not come: the login ended, or the server did. */
@@ -94,12 +95,12 @@ document.body.append(
 );
 /** What the account's roles do not allow is not offered; the server refuses it in any case. */
 async function offer() {
-  const { roles } = await api.get("/api/me").catch(() => ({ roles: ["clinician"] }));
+  const { roles } = await account;
   document.documentElement.dataset.may = roles.join(" ");
   if (roles.join() === "administrator" && location.pathname === "/") go("/account", true);
 }
 
 document.addEventListener("click", followed);
 addEventListener("popstate", show);
-show();
 offer();
+show();

@@ -12,7 +12,7 @@ import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
 import { counted, t } from "../words/words.js";
 
-export function mount(root, api, { id, go, title }) {
+export function mount(root, api, { id, go, title, roles }) {
   const box = errorBox();
   let leave = () => {};
   let gone = false;
@@ -30,16 +30,17 @@ export function mount(root, api, { id, go, title }) {
       };
       name(patient);
       const stop = record.watch(name);
-      const all = [newSession, visits, progress, facts, notes, upload, measures, keeping];
-      const parts = all.map((part) => [part, h("section", { class: "card" })]);
-      const [session, before, course, ...aside] = parts.map(([, place]) => place);
+      const treats = roles.includes("clinician"); // who does not is shown what was measured, and nothing that the server refuses
+      const place = (part) => [part, h("section", { class: "card" })];
+      const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
+      const aside = (treats ? [facts, notes, upload, measures, keeping] : [facts, measures]).map(place);
       root.append(
         h(
           "div",
           { class: "head" },
           h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title")), "›"), heading, about),
         ),
-        h("div", { class: "beside" }, h("div", { class: "stack" }, session, before, course), h("div", { class: "stack" }, aside)),
+        h("div", { class: "beside" }, [main, aside].map((stack) => h("div", { class: "stack" }, stack.map(([, root]) => root)))),
       );
       const erased = (counts) => {
         leave();
@@ -47,7 +48,7 @@ export function mount(root, api, { id, go, title }) {
         root.replaceChildren(farewell(counts));
         root.querySelector("a").focus();
       };
-      const unmount = assemble(api, { record, go, erased }, parts);
+      const unmount = assemble(api, { record, go, erased, treats }, [...main, ...aside]);
       leave = () => {
         stop();
         unmount();

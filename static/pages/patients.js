@@ -8,8 +8,9 @@ import { counted, day, t, whole } from "../words/words.js";
 
 const PAGE = 50;
 
-export function mount(root, api, { go, title }) {
+export function mount(root, api, { go, title, roles }) {
   title(t("patients.title"));
+  const treats = roles.includes("clinician");
   const form = h("section", { class: "card", hidden: true, "aria-label": t("patients.new") });
   const list = h("div", { class: "card" });
   const unfinished = h("div", {});
@@ -21,7 +22,7 @@ export function mount(root, api, { go, title }) {
     oninput: paced(200, fromTheTop),
   });
   const archived = h("input", { type: "checkbox", onchange: fromTheTop });
-  const opener = h("button", { class: "primary large", onclick: open, "aria-expanded": "false" }, t("patients.new"));
+  const opener = h("button", { class: "primary large clinicians", onclick: open, "aria-expanded": "false" }, t("patients.new"));
   let leaveForm = null;
   const erased = h("div", {});
   let leaveErased = () => {};
@@ -65,7 +66,7 @@ export function mount(root, api, { go, title }) {
       box.clear();
       leaveErased();
       erased.replaceChildren();
-      leaveErased = archived.checked ? erasures.mount(erased, api) : () => {};
+      leaveErased = archived.checked && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
       list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
     } catch (error) {
       if (mine === asked) box.show(error);
@@ -78,7 +79,7 @@ export function mount(root, api, { go, title }) {
     h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list), erased),
   );
   draw();
-  const leaveUnfinished = notFinished.mount(unfinished, api);
+  const leaveUnfinished = treats ? notFinished.mount(unfinished, api) : () => {};
   return () => {
     leaveUnfinished();
     leaveErased();

@@ -19,7 +19,7 @@ import * as tapping from "../session/tapping.js";
 import * as trials from "../session/trials.js";
 import { clock, day, t, time } from "../words/words.js";
 
-export function mount(root, api, { id, go, title }) {
+export function mount(root, api, { id, go, title, roles }) {
   const box = errorBox();
   const draft = {}; // notes that are being typed while the session is processed and drawn anew
   let leave = () => {};
@@ -38,7 +38,7 @@ export function mount(root, api, { id, go, title }) {
       const name = ({ started }) => title(t("session.title", { day: day(started), patient: session.patient.pseudonym }));
       record.watch(name);
       name(session);
-      leave = draw(root, api, { session, record, draft, result, go, reload: load });
+      leave = draw(root, api, { session, record, draft, result, go, reload: load, treats: roles.includes("clinician") });
     } catch (error) {
       gone || box.show(error, h("p", {}, h("a", { href: "/" }, t("patients.back"))));
     }
@@ -68,7 +68,7 @@ function wanted() {
 }
 
 function draw(root, api, about) {
-  const { session, record, result } = about;
+  const { session, record, result, treats } = about;
   const done = result?.state === "done";
   const place = (kind = "card") => h("section", { class: kind });
   const numbers = [
@@ -81,7 +81,8 @@ function draw(root, api, about) {
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
-  const aside = [done && quality, closed && selfCalibration, notes, dating].filter(Boolean).map((part) => [part, place()]);
+  const typed = treats ? [notes, dating] : [];
+  const aside = [done && quality, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];
   const name = h("h1", {});

@@ -18,7 +18,7 @@ export function mount(root, api, { record }) {
     const rows = NAMES.map((name) => [h("dt", {}, t(`fact.${name}`)), h("dd", {}, factWords(name, patient[name]))]);
     body.replaceChildren(
       h("dl", { class: "facts" }, rows),
-      h("p", { class: "buttons" }, h("button", { onclick: edit }, t("facts.change"))),
+      h("p", { class: "buttons" }, h("button", { class: "clinicians", onclick: edit }, t("facts.change"))),
     );
   }
 

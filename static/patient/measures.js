@@ -10,12 +10,13 @@ const WHOLE = ["hand_length", "hand_breadth", "palm_length"];
 const FINGERS = ["thumb", "index", "middle", "ring", "little"];
 const MM = 1000; // of a metre
 
-export function mount(root, api, { record }) {
+export function mount(root, api, { record, treats }) {
   const box = errorBox();
   const said = h("p", { class: "soft", role: "status" });
   const whole = WHOLE.map((name) => entry(t(`measure.${name}`), [name], how(name)));
   const fingers = FINGERS.map((finger) => entry(t("measure.finger", { finger: t(`finger.${finger}`) }), ["finger_length", finger]));
   const inputs = [...whole, ...fingers].flatMap((made) => made.inputs);
+  inputs.forEach(({ input }) => (input.readOnly = !treats));
   const pictured = (name, content) => h("div", { class: "measure" }, handDrawing(name), content);
   const more = h(
     "details",
@@ -25,7 +26,7 @@ export function mount(root, api, { record }) {
     fingers.map((made) => made.element),
   );
   const rows = whole.map((made, k) => pictured(WHOLE[k], made.element));
-  const form = h("form", { novalidate: true }, rows, more, h("button", { type: "submit" }, t("measures.save")), said);
+  const form = h("form", { novalidate: true }, rows, more, h("button", { type: "submit", class: "clinicians" }, t("measures.save")), said);
   let seen = record.now;
   const shown = ({ path }) => millimetres(valueOf(seen.hand_measures, path));
   const fill = (patient) => {

@@ -11,13 +11,13 @@ export function mount(root, api, { session, result, go }) {
   const name = (end) => `handscope-session-${session.id}-${result.method}${end}`;
 
   /** A file that is made on demand: asked for, then saved; its error is said here and not in an empty window. */
-  function saved(words, path, file) {
-    const button = h("button", { onclick: () => once(button, box, () => save(path, file)) }, words);
+  function saved(words, path, file, look = "clinicians") {
+    const button = h("button", { class: look, onclick: () => once(button, box, () => save(path, file)) }, words);
     return button;
   }
 
   /** A report in a window of its own. */
-  function opened(words, href, look = "button") {
+  function opened(words, href, look = "button clinicians") {
     return h("a", { class: look, href, target: "_blank", rel: "noopener" }, words);
   }
 
@@ -51,13 +51,13 @@ export function mount(root, api, { session, result, go }) {
     opened(t("downloads.letter"), `${base}/report.pdf?${asked}&paper=us-letter`),
     saved(t("downloads.csv"), `${base}/report.csv`, name(".csv")),
     saved(t("downloads.json"), `${base}/report.json`, name(".json")),
-    saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip")),
+    saved(t("downloads.derivative"), `${base}/derivative.zip`, name(".zip"), ""),
   ];
   root.append(
     h(
       "div",
       { class: "buttons" },
-      opened(t("downloads.pdf"), `${base}/report.pdf?${asked}`, "button primary large"),
+      opened(t("downloads.pdf"), `${base}/report.pdf?${asked}`, "button primary large clinicians"),
       replay,
     ),
     h(
@@ -65,7 +65,12 @@ export function mount(root, api, { session, result, go }) {
       { class: "more" },
       h("summary", {}, t("downloads.more")),
       h("div", { class: "buttons" }, tables),
-      h("div", { class: "buttons" }, file, h("label", { class: "inline", for: "replay-named" }, named, t("downloads.replay_named"))),
+      h(
+        "div",
+        { class: "buttons" },
+        file,
+        h("label", { class: "inline clinicians", for: "replay-named" }, named, t("downloads.replay_named")),
+      ),
       h("p", { class: "hint" }, t("downloads.replay_hint")),
       said,
     ),

@@ -38,7 +38,11 @@ function one(recording, result) {
     {},
     h("dl", { class: "facts" }, rows),
     streams(summary),
-    h("p", {}, h("a", { class: "button", href: `/api/recordings/${recording.id}/file`, download: "" }, t("recording.download"))),
+    h(
+      "p",
+      { class: "clinicians" },
+      h("a", { class: "button", href: `/api/recordings/${recording.id}/file`, download: "" }, t("recording.download")),
+    ),
   );
 }
 

@@ -23,7 +23,8 @@ export function mount(root, api, { session, result, reload }) {
 
   function drawFound(kept) {
     const have = kept.some((one) => one.recording === result.recording && one.onset === result.content.self_calibration.onset);
-    const keep = h("button", { onclick: () => once(keep, box, () => api.post(list, { result: result.id }).then(load)) }, t("found.keep"));
+    const send = () => api.post(list, { result: result.id }).then(load);
+    const keep = h("button", { class: "clinicians", onclick: () => once(keep, box, send) }, t("found.keep"));
     const more = have ? h("p", { class: "soft" }, t("found.kept")) : [h("p", { class: "soft" }, t("found.keep.note")), keep];
     found.replaceChildren(...[...foundTables(result.self_calibration), more].flat().filter(Boolean));
   }
@@ -37,7 +38,7 @@ export function mount(root, api, { session, result, reload }) {
       { novalidate: true },
       choices(t("reuse.choose"), "reuse", [...options, nothing], "several"),
       offers.filter((offer) => offer.barred).map((offer) => h("p", { class: "soft small" }, offer.barred)),
-      h("p", {}, h("button", { type: "submit" }, t("reuse.save"))),
+      h("p", { class: "clinicians" }, h("button", { type: "submit" }, t("reuse.save"))),
     );
     onSubmit(form, box, async () => {
       const chosen = form.querySelector("input:checked")?.value;

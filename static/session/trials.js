@@ -25,7 +25,8 @@ export function mount(root, api, { session, result, go }) {
     const standing = trial.corrections.filter((correction) => !correction.undone);
     const undone = trial.corrections.filter((correction) => correction.undone);
     const place = h("div", {});
-    const change = h("button", { "aria-expanded": "false", onclick: () => toggle(change, place, file, trial) }, t("trials.change"));
+    const open = () => toggle(change, place, file, trial);
+    const change = h("button", { class: "clinicians", "aria-expanded": "false", onclick: open }, t("trials.change"));
     return h(
       "li",
       { class: standing.some((correction) => correction.kind === "exclude") && "out" },
@@ -45,7 +46,7 @@ export function mount(root, api, { session, result, go }) {
   }
 
   function told(correction, trial) {
-    const undo = h("button", { class: "plain", onclick: () => once(undo, box, () => takeBack(correction)) }, t("trials.undo"));
+    const undo = h("button", { class: "plain clinicians", onclick: () => once(undo, box, () => takeBack(correction)) }, t("trials.undo"));
     return h("p", { class: "correction" }, h("span", {}, correctionWords(correction, trial)), undo);
   }
 

@@ -6,6 +6,17 @@ from playwright.sync_api import Page, expect
 from tests.journeys.house import Server, api, keep_picture, shown
 
 pytestmark = pytest.mark.browser
+CLINICIANS = (
+    "New patient",
+    "Start session",
+    "Change",
+    "Add note",
+    "Upload and process",
+    "Save measures",
+    "Export everything",
+    "Erase for good",
+    "Report (PDF)",
+)  # words of what a scientist is not offered
 OPENED = """(address) => new Promise((tell) => {
     const socket = new WebSocket(address, address.includes("/scene/") ? [PROTOCOL] : []);
     socket.onopen = () => { socket.close(); tell("opened"); };
@@ -69,7 +80,9 @@ def test_a_login_that_ended_leads_back_to_the_login_page(page: Page, seen: bool)
     page.wait_for_url("**/login")
 
 
-def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(page: Page, newcomer: Page, server: Server) -> None:
+def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
+    page: Page, newcomer: Page, server: Server, processed: int
+) -> None:
     page.goto(f"{server.base}/account")
     page.get_by_label("Name").fill("anna")
     page.get_by_role("checkbox", name="Scientist").check()
@@ -88,6 +101,17 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(pa
     newcomer.get_by_label("Password").fill("seven hands on a table")
     newcomer.get_by_role("button", name="Log in").click()
     shown(newcomer.get_by_role("link", name="Demo patient"))
+    refused: list[str] = []
+    newcomer.on("response", lambda answer: refused.append(answer.url) if answer.status == 403 else None)
+    for address, heading in (("/", "Patients"), ("/patients/1", "Sessions"), (f"/sessions/{processed}", "Finger tapping")):
+        newcomer.goto(server.base + address)
+        shown(newcomer.get_by_text(heading, exact=True))
+        newcomer.wait_for_load_state("networkidle")
+        keep_picture(newcomer, f"scientist{address.replace('/', '-')}")
+        for words in CLINICIANS:
+            offered = newcomer.get_by_role("button", name=words).or_(newcomer.get_by_role("link", name=words))
+            expect(offered.filter(visible=True)).to_have_count(0)
+    assert refused == [], "nothing is asked for that the account may not see"
     assert newcomer.request.get(f"{server.base}/api/patients/1").json()["year_of_birth"] is None
     page.get_by_role("link", name="Audit trail").click()
     page.get_by_role("button", name="Verify").click()
