@@ -94,11 +94,15 @@ def _by_second(measure: Compiled, block: Block, quantity: str, first: NDArray[np
 @rowwise("(n,v)->(v,v)")
 def _of_steps(values: Array, covariance: Array) -> None:
     """Covariance (3, 3) of the steps between samples (n, 3)."""
-    covariance[:] = 0.0
+    total, step = np.zeros((3, 3)), np.empty(3)
     for k in range(1, len(values)):
         for i in range(3):
-            for j in range(3):
-                covariance[i, j] += (values[k, i] - values[k - 1, i]) * (values[k, j] - values[k - 1, j]) / len(values)
+            step[i] = values[k, i] - values[k - 1, i]
+            for j in range(i + 1):
+                total[i, j] += step[i] * step[j]
+    for i in range(3):
+        for j in range(i + 1):
+            covariance[i, j] = covariance[j, i] = total[i, j] / len(values)
 
 
 @rowwise("(n,v)->()")
