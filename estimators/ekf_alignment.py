@@ -125,11 +125,14 @@ def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
 
 def _appearing(strange: NDArray[np.bool_], q_GB: Array) -> tuple[NDArray[np.bool_], Array]:
     """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
-    if not strange.any():
+    present = np.isfinite(q_GB[:, strange, 0])
+    if not present.any():
         return strange, np.zeros(len(SEGMENTS))
-    present = np.isfinite(q_GB[..., 0])
-    first = strange & present & (np.cumsum(present, axis=0) == 1)
-    return strange & ~present.any(axis=0), np.where(first, LOST_DOUBT, 0.0)
+    variance = np.zeros(q_GB.shape[:2])
+    variance[:, strange] = np.where(present & (np.cumsum(present, axis=0) == 1), LOST_DOUBT, 0.0)
+    still = strange.copy()
+    still[strange] = ~present.any(axis=0)
+    return still, variance
 
 
 def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:

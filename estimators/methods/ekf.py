@@ -27,7 +27,7 @@ from estimators import (
 )
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
-from estimators.compiled import rowwise
+from estimators.compiled import rowwise, told_by_row
 from estimators.ekf_alignment import SENSORS
 from estimators.ekf_deviations import JOINTS_OF
 from estimators.ekf_seats import Seats
@@ -42,7 +42,7 @@ from estimators.trajectory import Flag, Trajectory, empty, join
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
-LOST = np.uint8(Flag.HEADING_LOST)
+LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,13 +232,16 @@ def _sure(params: Params, state: State, found: finger_ekf.Estimate, pose: Pose) 
     return Sure(
         np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),
-        np.concatenate([before.lost, _lost(largest > math.radians(params.heading_known) ** 2)]),
+        np.concatenate([before.lost, _lost(CHAIN_SEGMENTS, largest, math.radians(params.heading_known) ** 2, np.zeros(len(SEGMENTS)))]),
     )
 
 
-def _lost(unsure: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which segments (n, segments) are not known against the hand, of unsure joints (n, 6, 3): a joint between them is not."""
-    lost = np.ones((len(unsure), len(SEGMENTS)), bool)
-    lost[:, CHAIN_SEGMENTS] = np.logical_or.accumulate(unsure[:, :5], axis=-1)
-    lost[:, SEGMENT["forearm"]], lost[:, SEGMENT["hand"]] = unsure[:, 5, 0], False
-    return lost
+@told_by_row("(f,k),(c,k),(),(s)->(s)")
+def _lost(segments: Array, largest: Array, most: float, row: Array, lost: NDArray[np.bool_]) -> None:
+    """Which segments are not known against the hand, of the largest variances of the chains' joints: an unsure joint stands between them."""
+    for f in range(segments.shape[0]):
+        unsure = False
+        for k in range(segments.shape[1]):
+            unsure = unsure or largest[f, k] > most
+            lost[int(segments[f, k])] = unsure
+    lost[_FOREARM], lost[_HAND] = largest[segments.shape[0], 0] > most, False
