@@ -60,6 +60,13 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+    except Exception as problem:
+        from sessions.full_disk import FULL, is_full
+
+        if not is_full(problem):
+            raise
+        print(f"handscope {arguments.verb}: {FULL}", file=sys.stderr)  # noqa: T201
+        return 2
 
 
 if __name__ == "__main__":

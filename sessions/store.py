@@ -1,5 +1,6 @@
 """The data folder: the database and the recordings' files beside it. Everything that is kept passes through here."""
 
+import contextlib
 import shutil
 import uuid
 from collections.abc import Collection
@@ -17,6 +18,7 @@ from sessions.tables import ErasedFile
 
 CACHE = "cache"  # of files that are in the object storage
 AWAY = "away:"  # begins the name of an erased file that is still to be removed from the object storage
+PROBE = 2**20  # bytes that must be free to start at all: the database makes files of its own
 FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
 
 
@@ -90,6 +92,7 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
         raise InputError(f"a backup was being restored into {folder} and that did not end; empty the folder and restore again")
     for leftover in (folder / "incoming").iterdir():
         leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
+    _require_writable(folder)
     if recordings is not None:
         object_storage.attach(folder, recordings)
     store = store_at(folder, url)
@@ -98,6 +101,20 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
         notes.purge(db)
         remove_erased(db, store)
     return store
+
+
+def _require_writable(folder: Path) -> None:
+    """InputError where the disk is read-only or full, or somebody else's: said before the database is asked, whose words for it are not clear."""
+    probe = folder / "incoming" / "probe"
+    try:
+        probe.write_bytes(bytes(PROBE))
+        probe.unlink()
+    except OSError as problem:
+        with contextlib.suppress(OSError):
+            probe.unlink(missing_ok=True)
+        raise InputError(
+            f"the data folder {folder} cannot be written to: {problem.strerror}; mend that, or choose another with --data"
+        ) from None
 
 
 def remove_erased(db: Session, store: Store, files: Collection[str] | None = None) -> None:

@@ -23,3 +23,9 @@ def test_the_compose_file_starts_the_server_with_options_that_there_are() -> Non
     example = (ROOT / "deploy" / "env.example").read_text()
     wanted = set(re.findall(r"\$\{(\w+)", (ROOT / "deploy" / "compose.yaml").read_text()))
     assert wanted == set(re.findall(r"^(\w+)=", example, re.M))
+
+
+def test_every_health_check_says_how_it_is_run() -> None:
+    """Docker refuses the whole file otherwise."""
+    told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
+    assert [service["healthcheck"]["test"][0] for service in told.values() if "healthcheck" in service] == ["CMD", "CMD"]

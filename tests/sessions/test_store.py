@@ -1,0 +1,23 @@
+"""A data folder that cannot be used is refused in words, and nothing is made in it."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import InputError
+from sessions.store import open_store
+
+
+@pytest.mark.parametrize("why", [errno.EROFS, errno.ENOSPC, errno.EACCES])
+def test_a_disk_that_takes_nothing_is_named_before_the_database_is_touched(
+    why: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, data: bytes) -> int:
+        raise OSError(why, os.strerror(why))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(InputError, match=f"the data folder {tmp_path} cannot be written to: {os.strerror(why)}; mend that"):
+        open_store(tmp_path)
+    assert {p.name for p in tmp_path.rglob("*")} == {"incoming", "recordings"}
