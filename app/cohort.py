@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from app.options import with_options
+from app.time_limit import LIMIT, within
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import Hand
@@ -79,7 +80,7 @@ def one(work: Work) -> Outcome:
         method = ALL_METHODS[work.method]
         params = with_options(method.Params, work.options)
         recording = formats.load(path, work.hand)
-        processed = process(method, params, recording)
+        processed = process(method, params, recording, progress=within(LIMIT, lambda share: None))
         out.mkdir(parents=True, exist_ok=True)
         (out / DONE).unlink(missing_ok=True)
         save_folder(derivative.tree(processed, recording, work.method, params, software_version()), out)

@@ -40,7 +40,7 @@ def _exchange(staging: Path, folder: Path, names: list[str]) -> None:
                 shutil.copyfile(place, before)
             os.replace(staging / name, place)
             placed.append((place, before))
-    except OSError:
+    except BaseException:  # an interruption, too
         for place, before in placed:
             place.unlink()
             if before.exists():
@@ -55,5 +55,6 @@ def save_file(data: bytes, path: Path) -> None:
         partial.write_bytes(data)
         os.replace(partial, path)
     except OSError as problem:
-        partial.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {problem.strerror}") from None
+    finally:
+        partial.unlink(missing_ok=True)

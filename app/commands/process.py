@@ -6,6 +6,7 @@ from pathlib import Path
 
 from app.commands.words import add_method, counted, method_of, output_folder, processed_by, progress_bar, say
 from app.options import parse
+from app.time_limit import LIMIT
 from app.version import software_version
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
@@ -19,6 +20,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_method(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for the derivative; a folder in it for each of a cohort"
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=LIMIT,
+        metavar="S",
+        help="end after so many seconds with what is done, or with a refusal (%(default)g; always that with --cohort)",
     )
     many = parser.add_argument_group("a cohort")
     many.add_argument(
@@ -34,7 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("give one recording, or --cohort with a folder or a list of them")
     if arguments.cohort is not None:
         return _cohort(arguments)
-    recording, processed = processed_by(method, params, arguments)
+    if not arguments.time_limit > 0:
+        raise InputError(f"--time-limit {arguments.time_limit:g} s leaves no time; give seconds, such as --time-limit 600")
+    recording, processed = processed_by(method, params, arguments, arguments.time_limit)
     files = derivative.tree(processed, recording, arguments.method, params, software_version())
     save_folder(files, output_folder(arguments.out))
     for warning in processed.warnings:

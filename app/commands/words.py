@@ -11,6 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from app.options import help_text, parse, with_options
+from app.time_limit import LIMIT, within
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.methods import ALL_METHODS
@@ -60,8 +61,8 @@ def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
     return module, with_options(module.Params, parse(arguments.option))
 
 
-def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace) -> tuple[LoadedRecording, Processed]:
-    """The recording that the arguments name, and what the method makes of it; a bar shows how far it is."""
+def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace, limit: float = LIMIT) -> tuple[LoadedRecording, Processed]:
+    """The recording that the arguments name, and what the method makes of it within so many s; a bar shows how far it is."""
     recording = formats.load(arguments.recording, arguments.hand)
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
@@ -70,7 +71,7 @@ def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace)
     other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration and not found else None
     hear, close = progress_bar("processing")
     try:
-        return recording, process(method, params, recording, other, hear, known)
+        return recording, process(method, params, recording, other, within(limit, hear), known)
     finally:
         close()
 

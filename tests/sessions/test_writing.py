@@ -1,5 +1,6 @@
 """Files appear whole or not at all."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,20 @@ def test_a_file_is_replaced_at_once_and_a_failure_leaves_the_old_one(tmp_path: P
     with pytest.raises(InputError, match=r"report\.pdf cannot be written: No space"):
         save_file(b"new", path)
     assert _content(tmp_path) == {"report.pdf": b"old"}
+
+
+def test_an_interruption_while_files_move_to_their_places_leaves_the_folder_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_folder({"a.txt": b"old"}, tmp_path)
+    replace, calls = os.replace, iter((False, True, *[False] * 9))
+
+    def interrupted(*which: Path) -> None:
+        if next(calls):
+            raise KeyboardInterrupt
+        replace(*which)
+
+    monkeypatch.setattr("sessions.writing.os.replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_folder({"a.txt": b"new", "b.txt": b"new"}, tmp_path)
+    assert _content(tmp_path) == {"a.txt": b"old"}

@@ -44,6 +44,13 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return captured.err
 
 
+def test_a_time_limit_ends_in_a_sentence_and_leaves_nothing(simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["process", str(simulated), "--out", str(tmp_path), "--time-limit"]
+    assert "0.001 s were not enough" in refused([*words, "0.001"], capsys)
+    assert "leaves no time" in refused([*words, "0"], capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_process_writes_the_derivative_of_the_contract(simulated: Path, tmp_path: Path) -> None:
     assert main(["process", str(simulated), "--method", "m2", "--out", str(tmp_path)]) == 0
     columns, values = table(tmp_path, "desc-m2")
