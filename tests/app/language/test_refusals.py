@@ -20,7 +20,12 @@ COMMAND_LINE = (
         "sessions/calibration_result.py",
     ),
     *("sessions/database.py", "sessions/database_dump.py", "sessions/motion_bids/kinematics.py", "estimators/magnetometer_sphere.py"),
-    *("estimators/marker_clusters.py", "estimators/measures/synchronisation.py", "estimators/measures/tip_errors.py"),
+    *(
+        "estimators/magnet_array.py",
+        "estimators/marker_clusters.py",
+        "estimators/measures/synchronisation.py",
+        "estimators/measures/tip_errors.py",
+    ),
     *("estimators/simulation", "estimators/six_positions.py"),
 )
 PROGRAMMERS = (

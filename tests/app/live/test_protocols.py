@@ -126,7 +126,7 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
     ("change", "sentence"),
     [
         ({"curve": "elbow_flexion"}, r"curve is 'elbow_flexion'; it is aperture, palm_turn or a joint angle such as index_pip_flexion$"),
-        ({"needs": ["toe"]}, r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*little_tip_force$"),
+        ({"needs": ["toe"]}, r"needs names 'toe', which is no segment and no sensor's place; they are forearm, hand, .*trunk_mag_32$"),
         (
             {"ghost": [{}, {"index_pip_twist": 4}]},
             r"ghost\[1\] names 'index_pip_twist', which is no joint angle such as index_pip_flexion$",
