@@ -47,7 +47,7 @@ $(VENV)/runs: requirements.lock requirements-uv.lock pyproject.toml
 	$(call INSTALL,requirements.lock)
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@echo "translating the estimators to machine code, once ..."
-	$(BIN)/python -c "import estimators.methods"
+	$(BIN)/python -m app.translation
 	@touch $@
 
 $(VENV)/develops: $(VENV)/runs requirements-dev.lock
