@@ -166,6 +166,8 @@ def _together(
         )
     except np.linalg.LinAlgError:
         return alone, [ALONE]
+    except InputError as late:  # the time is over
+        return alone, [ALONE, str(late)]
     if found.outcome != "converged":
         return alone, [ALONE]
     drawn = zip(*hand_solver.draws(found, DRAWS))

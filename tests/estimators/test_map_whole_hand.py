@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, FLEXION, JOINT
 from estimators.hand_geometry import HandGeometry, sized
 from estimators.methods import BATCH
@@ -131,3 +132,16 @@ def test_where_the_whole_hand_does_not_come_to_an_end_fingers_are_as_they_were_f
     assert any("the whole hand as one problem did not come to an end" in said for said in done.warnings)
     told = segments.of_solution(case.alone[0], "left", case.made.mounting)
     assert done.calibrations[0].lengths_sd["index_proximal"] == pytest.approx(told.lengths_sd["index_proximal"], rel=1e-9)
+
+
+def test_when_the_time_is_over_fingers_are_as_they_were_found_alone(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = {s.problem.chain.sensors: s for s in case.alone}
+    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+
+    def over(share: float) -> None:
+        if 0.6 <= share < 1.0:
+            raise InputError("60 s were not enough")
+
+    done = process(METHOD, METHOD.Params(), case.made, progress=over)
+    assert "60 s were not enough" in done.warnings
+    assert set(done.calibrations[0].lengths_sd) == {"index_proximal", "index_middle", "middle_proximal", "middle_middle"}
