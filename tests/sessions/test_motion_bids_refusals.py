@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ def _without_column(system: str, name: str) -> Break:
 
 def _hand_of_each(*hands: str | None) -> Break:
     def change(files: Files) -> Files:
-        for system, hand in zip(recording().samples, hands * 5):
+        for system, hand in zip(recording().samples, cycle(hands)):
             files = with_sidecar(files, system, MeasuredHand=hand)
         return files
 

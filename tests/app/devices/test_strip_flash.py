@@ -37,6 +37,7 @@ class OnTheBench:
     hand: str = "left"
     streams: tuple[Stream, ...] = BENCH
     mounting: dict[str, Array] = field(default_factory=dict)
+    plate: None = None
 
     def __post_init__(self) -> None:
         r = laid_down(many_positions(6), 6, IDEAL)
