@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from app.report.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
@@ -35,6 +36,16 @@ class Line:
     y: Array
     low: Array | None = None
     high: Array | None = None
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A field of cells, a row a name: standard deviations and errors, each (rows, columns)."""
+
+    title: str
+    rows: Sequence[str]
+    sd: Array
+    error: Array
 
 
 def bars(rows: Sequence[Bar], everything: Sequence[float], titles: Sequence[str]) -> str:
@@ -68,6 +79,31 @@ def lines(panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple
             ax.set_ylim(bottom=low - 0.06 * (high or 0.0), top=None if high is None else 1.1 * high)
             _plain(ax)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels[0]), frameon=False)
+        return _svg(figure)
+
+
+def cells(fields: Sequence[Cells], columns: Sequence[str], good: Sequence[float]) -> str:
+    """A field one below the other; a cell is the darker the surer, by its standard deviation against the column's good one; the error below it."""
+    with _drawing():
+        figure = Figure(figsize=(1.3 * WIDTH, 0.9 + sum(0.5 + 0.36 * len(f.rows) for f in fields)), layout="constrained", facecolor="white")
+        axes = figure.subplots(len(fields), 1, sharex=True, squeeze=False)[:, 0]
+        shades = LinearSegmentedColormap.from_list("told", [ACCENT, FILL["good"][0], FILL["fair"][0], "white"])
+        for ax, field in zip(axes, fields):
+            shade = np.clip(np.log10(field.sd / np.asarray(good)), -1.0, 1.0)
+            ax.imshow(shade, cmap=shades, vmin=-1.0, vmax=1.0, aspect="auto")
+            for (row, column), sd in np.ndenumerate(field.sd):
+                said = f"{sd:.2g}\n({field.error[row, column]:.2g})"
+                ax.text(column, row, said, ha="center", va="center", fontsize=6.5, color="white" if shade[row, column] < -0.4 else INK)
+            ax.set(
+                yticks=range(len(field.rows)), yticklabels=field.rows, xticks=range(len(columns)), xticklabels=columns, title=field.title
+            )
+            ax.tick_params(length=0, labelcolor=INK, labelsize=7.0)
+            ax.title.set(fontsize=9.0, color=ACCENT)
+            ax.spines[:].set_visible(False)
+            ax.set_xticks(np.arange(len(columns)) - 0.5, minor=True)
+            ax.set_yticks(np.arange(len(field.rows)) - 0.5, minor=True)
+            ax.grid(which="minor", color="white", lw=1.0)
+            ax.tick_params(which="minor", length=0)
         return _svg(figure)
 
 

@@ -80,17 +80,17 @@ def moved(rng: np.random.Generator, duration: float) -> Motion:
         *((f"wrist_{axis}", 0.10, 0.9) for axis in "xyz"),
         *((f"forearm_{angle}", np.radians(40.0), 1.6) for angle in ("flexion", "deviation", "pronation")),
     ):
-        x[:, COORDINATES[name]] = moving * reach * _wandering(rng, t, slowest)
+        x[:, COORDINATES[name]] = moving * reach * wandering(rng, t, slowest)
     x[:, COORDINATES["wrist_z"]] += 0.15 * moving
-    pulled = np.cumsum(STEP * 2 * np.pi * (1.0 + 0.25 * _wandering(rng, t, 2.0)))  # the phase of pulling
+    pulled = np.cumsum(STEP * 2 * np.pi * (1.0 + 0.25 * wandering(rng, t, 2.0)))  # the phase of pulling
     for k, (name, stop) in enumerate(STOPS.items()):
         x[:, COORDINATES[name]] = (
-            moving * np.radians(stop) * (0.5 - 0.5 * np.cos(pulled - 0.5 * k)) * (0.85 + 0.15 * _wandering(rng, t, 3.0))
+            moving * np.radians(stop) * (0.5 - 0.5 * np.cos(pulled - 0.5 * k)) * (0.85 + 0.15 * wandering(rng, t, 3.0))
         )
     return sampled(t, x)
 
 
-def _wandering(rng: np.random.Generator, t: Array, slowest: float) -> Array:
+def wandering(rng: np.random.Generator, t: Array, slowest: float) -> Array:
     """A smooth random course within about -1 to 1 (n,): sines with periods from `slowest` to three times as long, s."""
     periods, phases = rng.uniform(slowest, 3 * slowest, 5), rng.uniform(0, 2 * np.pi, 5)
     return np.asarray(np.sin(2 * np.pi * t[:, None] / periods + phases).sum(axis=1) / np.sqrt(5))

@@ -28,7 +28,9 @@ LEAN, TURN = 0.30, 0.15  # rad a metre that the wrist goes forward: 4 cm of the 
 BREATH, BREATHS = 0.008, 0.25  # rad to either side, Hz
 DISC = np.array([0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005])  # A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
 MAGNETOMETERS = TRUNK_MAGNETOMETERS[: len(magnet.PLATE)]
-LEFT = MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06)  # uT, 1, deg: what turning the plate in an office leaves at most (magnetometer_sphere.py)
+LEFT = MagnetErrors(
+    hard_iron=0.2, soft_iron=0.004, turn=0.06
+)  # uT, 1, deg: what turning the plate in an office leaves at most (magnetometer_sphere.py)
 Q_BS = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))  # of the trunk's sensor and magnetometers
 
 
