@@ -196,7 +196,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         )
         for f in FINGERS
     }
-    names = tuple(f"{name}\n{unit}" for name, (unit, _) in GOOD.items())
+    names = tuple(f"{name}\n{unit}".replace("' ", "'\n") for name, (unit, _) in GOOD.items())
     figures = {"reproduce-observability.svg": cells(tuple(drawn.values()), names, [good for _, good in GOOD.values()])}
     return Finding("observability", "Which movements tell what", _setting(), tables, (), tuple(_remarks(by)), figures)
 
@@ -216,7 +216,7 @@ def _remarks(by: Mapping[tuple[str, str], Sequence[Found]]) -> Iterator[str]:
 
 def _setting() -> tuple[str, ...]:
     return (
-        f"Simulated: {DURATION:g} s, sensors and skin as in `skin motion` of chapter 4 above. The artificial finger has three hinges; the human finger is somebody's index finger, whose MCP joint also moves"
+        f"Simulated: {DURATION:g} s, sensors and skin as in `skin motion` of `handscope reproduce kortier4`. The artificial finger has three hinges; the human finger is somebody's index finger, whose MCP joint also moves"
         f" {ASIDE:g} deg to either side. Joints that move bend by up to {', '.join(f'{a:g}' for a in REACH.values())} deg about once a second, the hand turns by up to 40 deg and travels by up to 10 cm about every axis.",
         "Told well enough is what is known within "
         + ", ".join(f"{good:g} {unit} ({name})" for name, (unit, good) in GOOD.items())
