@@ -1,7 +1,7 @@
 """What a method knows before it starts: how each sensor sits, its bias, where it points at a given moment, the hand's geometry."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,6 +29,10 @@ class Known:
     q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations that movement told
     gyr_bias: Mapping[str, Array]  # (3,) rad/s
     lengths: Mapping[str, float]  # m, of segments that movement told
+
+    def of_hand(self) -> "Known":
+        """What is the hand's alone, and holds whatever glove is worn: its lengths."""
+        return replace(self, q_BS={}, gyr_bias={})
 
 
 @dataclass(frozen=True)

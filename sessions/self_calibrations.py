@@ -5,7 +5,7 @@ taken off, which nobody but a person can know. So nothing is taken over that nob
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import select
@@ -155,7 +155,7 @@ def known(db: Session, reused: Mapping[str, Any]) -> Known | None:
 def taken_over(found: Mapping[str, Any], parts: str) -> Known:
     """Lengths alone, or also seats and biases."""
     everything = calibration_result.known_of(dict(found))
-    return everything if parts == ALL else replace(everything, q_BS={}, gyr_bias={})
+    return everything if parts == ALL else everything.of_hand()
 
 
 def glove_of(summary: Mapping[str, Any]) -> str:

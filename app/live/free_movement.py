@@ -155,7 +155,7 @@ class FreeMovement:
 
 def reused(known: Known, of_glove: str, worn: str) -> Known:
     """What an earlier self-calibration gives a session: of another glove its lengths alone."""
-    return replace(known, q_BS={}, gyr_bias={}) if of_glove and worn and of_glove != worn else known
+    return known.of_hand() if of_glove and worn and of_glove != worn else known
 
 
 def gained(tracking: Tracking, rows: Trajectory, start: float, stop: float) -> dict[str, Array]:
