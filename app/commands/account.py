@@ -8,8 +8,7 @@ from pathlib import Path
 from sqlalchemy.orm import Session
 
 from app.commands.audit import opened
-from app.commands.serve import default_data
-from app.commands.words import say
+from app.commands.words import default_data, say
 from estimators.errors import InputError
 from sessions import accounts, audit, logins
 from sessions.accounts import LOCAL, ROLES

@@ -4,17 +4,8 @@ import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.commands.words import (
-    add_method,
-    add_recording,
-    counted,
-    method_of,
-    output_folder,
-    processed_by,
-    require_file,
-    require_folder,
-    say,
-)
+from app.commands.methods import add_method, add_recording, method_of, processed_by
+from app.commands.words import counted, output_folder, require_file, require_folder, say
 from app.language import DEFAULT, language, languages
 from app.protocols import load_all
 from app.report import FORMS, PAPERS, Style

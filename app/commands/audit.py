@@ -8,8 +8,7 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from app.commands.serve import default_data
-from app.commands.words import say
+from app.commands.words import default_data, say
 from estimators.errors import InputError
 from sessions import audit
 from sessions.database import open_database

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from app.commands.serve import database_url, default_data
-from app.commands.words import counted, require_file, say
+from app.commands.words import counted, database_url, default_data, require_file, say
 from app.version import software_version
 from sessions import backup
 

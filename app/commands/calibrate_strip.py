@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.words import add_recording, say
+from app.commands.methods import add_recording
+from app.commands.words import say
 from app.devices import strip_flash
 from app.options import help_text, parse, with_options
 from estimators.errors import InputError

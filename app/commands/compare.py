@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.words import method_of, output_folder, progress_bar, require_file, require_folder, say
+from app.commands.methods import method_of
+from app.commands.words import output_folder, progress_bar, require_file, require_folder, say
 from app.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
 from app.options import help_text
 from estimators import marker_clusters

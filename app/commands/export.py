@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from app.commands.words import add_method, add_recording, method_of, output_folder, processed_by, require_file, say
+from app.commands.methods import add_method, add_recording, method_of, processed_by
+from app.commands.words import output_folder, require_file, say
 from app.language import ENGLISH
 from app.protocols import load_all
 from estimators.errors import InputError

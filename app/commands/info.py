@@ -2,8 +2,9 @@
 
 import argparse
 
+from app.commands.methods import add_recording
 from app.commands.shortfalls import shortfalls
-from app.commands.words import add_recording, say
+from app.commands.words import say
 from sessions import formats
 
 

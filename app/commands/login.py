@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from app.commands.serve import default_data
-from app.commands.words import say
+from app.commands.words import default_data, say
 from estimators.errors import InputError
 from sessions.logins import new_token
 

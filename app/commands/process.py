@@ -4,7 +4,8 @@ import argparse
 import os
 from pathlib import Path
 
-from app.commands.words import add_method, counted, method_of, output_folder, processed_by, progress_bar, say
+from app.commands.methods import add_method, method_of, processed_by
+from app.commands.words import counted, output_folder, progress_bar, say
 from app.options import parse
 from app.time_limit import LIMIT
 from app.version import software_version

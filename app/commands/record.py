@@ -6,8 +6,9 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from app.commands.methods import add_method, method_of
 from app.commands.shortfalls import shortfalls
-from app.commands.words import add_method, method_of, output_folder, progress_bar, require_file, require_folder, say
+from app.commands.words import output_folder, progress_bar, require_file, require_folder, say
 from app.devices.glove import Glove
 from app.live.tracking import Tracking
 from app.version import software_version

@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from app.commands.serve import database_url
-from app.commands.words import counted, progress_bar, say
+from app.commands.words import counted, database_url, progress_bar, say
 from estimators.errors import InputError
 from sessions import backup
 

@@ -13,7 +13,7 @@ from types import FrameType
 
 import uvicorn
 
-from app.commands.words import say
+from app.commands.words import FOLDER, database_url, default_data, say
 from app.options import parse
 from app.server import create_app
 from app.settings import Settings
@@ -23,7 +23,6 @@ from sessions.accounts import ROLES
 from sessions.logins import new_token
 
 DEFAULT_PORT = 8420
-FOLDER = "handscope-data"  # in the user's home
 IDLE, LONGEST = 4.0, 24.0  # h of a login
 CACHE = 20.0  # GB
 SWITCH = 5e-4  # s that a thread which has something to do waits for another: Python's 5 ms add up over a pose's way to its viewers
@@ -90,11 +89,6 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def default_data(folder: str = FOLDER) -> Path:
-    """Where data is kept when nobody says: HANDSCOPE_DATA, or a folder in the user's home."""
-    return Path(os.environ.get("HANDSCOPE_DATA") or Path.home() / folder)
-
-
 def _sign_on(arguments: argparse.Namespace) -> SignOn | None:
     """None unless a provider is named."""
     if not arguments.oidc_issuer:
@@ -118,11 +112,6 @@ def _gigabytes(word: str) -> float:
     if not 0 <= size < 1e6:
         raise ValueError
     return size
-
-
-def database_url() -> str | None:
-    """The database where nobody says: HANDSCOPE_DATABASE (a password on the command line is seen by every user of the machine), or none."""
-    return os.environ.get("HANDSCOPE_DATABASE") or None
 
 
 def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: bool) -> None:
