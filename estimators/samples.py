@@ -6,12 +6,13 @@ and clock; times in blocks are seconds from the start of the recording. Values a
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.compiled import told_by_row
+from estimators.events import Event as Event
 from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.magnet_plate import Plate
@@ -75,20 +76,6 @@ class Block:
         """The same samples in blocks of at most `length`; none of an empty block."""
         for k in range(0, len(self.t), length):
             yield Block(self.stream, self.t[k : k + length], self.values[k : k + length])
-
-
-@dataclass(frozen=True)
-class Event:
-    """A stretch of the recording with a meaning (trial_type of the contract: initial_pose, task, annotation, ...)."""
-
-    onset: float  # s
-    duration: float  # s
-    trial_type: str
-    details: Mapping[str, Any] = field(default_factory=dict)  # task_name, thumb_cmc_flexion_deg, ...
-
-    @property
-    def end(self) -> float:
-        return self.onset + self.duration
 
 
 class Recording(Protocol):

@@ -26,7 +26,7 @@ SKELETON = (
     "forward_kinematics",
     "fingertips",
 )  # maths and hand model
-VALUES = ("samples", "magnet_plate", "trajectory", "options", "errors", "gravity")
+VALUES = ("samples", "events", "magnet_plate", "trajectory", "options", "errors", "gravity")
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
 LONGEST = 400  # lines
 MODULES = sorted(p for room in (*ROOMS, "tests") for p in (ROOT / room).rglob("*.py"))

@@ -16,7 +16,7 @@ from typing import IO, Any
 from app.devices.pipes import Kind, read_frame, write_frame
 from app.devices.ports import open_port
 from estimators.errors import InputError
-from estimators.samples import Event
+from estimators.events import Event
 from sessions.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go

@@ -127,6 +127,11 @@ def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(port: P
         open_port(str(tmp_path))
 
 
+def test_the_recording_process_begins_without_the_numerics_that_others_need() -> None:
+    code = "import sys; import app.devices.acquisition; print({'numpy', 'numba', 'scipy'} & {*sys.modules})"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
+
+
 def test_a_port_where_no_glove_speaks_gives_no_samples_and_no_harm(tmp_path: Path) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
