@@ -37,7 +37,6 @@ class Jobs:
         self._leaving = threading.Event()
 
     def __enter__(self) -> "Jobs":
-        self._process.__enter__()
         self._queue.submit(self._process.do, _warm)
         with self._store.database() as db:
             for result_id in results.unfinished(db):

@@ -25,7 +25,6 @@ class MovingOut:
         self.latest = Round()
 
     def __enter__(self) -> "MovingOut":
-        self._process.__enter__()
         self._thread.start()
         return self
 

@@ -22,30 +22,21 @@ class Opening:
     def __init__(self) -> None:
         self._process = WorkingProcess(_begin)
         self._queue = ThreadPoolExecutor(1, thread_name_prefix="opening")  # its thread waits for the process
-        self._begun = False
 
     def __enter__(self) -> "Opening":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._begun:
-            self._process.kill()
+        self._process.kill()
         self._queue.shutdown(wait=True, cancel_futures=True)
-        if self._begun:
-            self._process.__exit__()
+        self._process.__exit__()
 
     async def read(self, upload: Path, name: str, hand: Hand | None) -> Upload:
         """What an uploaded recording holds; InputError where it cannot be opened."""
         try:
-            return await asyncio.wrap_future(self._queue.submit(self._read, upload, name, hand))
+            return await asyncio.wrap_future(self._queue.submit(self._process.do, records.read_upload, upload, name, hand))
         except DiedError:
             raise InputError(DIED) from None
-
-    def _read(self, upload: Path, name: str, hand: Hand | None) -> Upload:
-        if not self._begun:
-            self._process.__enter__()
-            self._begun = True
-        return self._process.do(records.read_upload, upload, name, hand)
 
 
 def _begin() -> None:

@@ -5,12 +5,11 @@ The process is told everything through its pipe and leaves by itself when its pa
 
 import contextlib
 import logging
-import signal
 import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from app.working_process import CONTEXT
+from app.working_process import CONTEXT, heed_the_server_alone
 from estimators.errors import InputError
 from sessions.recording import LoadedRecording
 from sessions.self_calibrations import Found
@@ -60,7 +59,7 @@ class Solving:
 
 def _solve(pipe: Connection, recording: LoadedRecording) -> None:
     """In the process: what it tells is the name of what is known now and its value."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to everyone at the terminal; the server decides when we end
+    heed_the_server_alone()
     with contextlib.suppress(BrokenPipeError, OSError):
         pipe.send(_outcome(recording, lambda share: pipe.send(("share", share))))
 

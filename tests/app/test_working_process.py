@@ -23,6 +23,10 @@ def bug(word: str) -> None:
     raise ValueError(word)
 
 
+def imported() -> set[str]:
+    return set(sys.modules)
+
+
 def unsendable() -> object:
     return lambda: None
 
@@ -48,6 +52,25 @@ def test_a_value_that_cannot_travel_ends_the_process_not_the_queue() -> None:
     with WorkingProcess(os.getpid) as process:
         with pytest.raises(DiedError):
             process.do(unsendable)
+        assert process.do(divmod, 7, 2) == (3, 1)
+
+
+def test_a_process_sees_the_environment_of_its_own_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    for word in ("first", "second"):
+        monkeypatch.setenv("HANDSCOPE_WORD", word)
+        with WorkingProcess(os.getpid) as process:
+            assert process.do(os.getenv, "HANDSCOPE_WORD") == word
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
+def test_a_process_begins_with_what_its_work_needs() -> None:
+    with WorkingProcess(os.getpid) as process:
+        assert {"app.results", "app.reporting"} <= process.do(imported)
+
+
+def test_killing_one_that_has_not_begun_is_nothing() -> None:
+    with WorkingProcess(os.getpid) as process:
+        process.kill()
         assert process.do(divmod, 7, 2) == (3, 1)
 
 

@@ -1,0 +1,21 @@
+"""The process that working processes are forked from imports this, and nobody else does: they begin with what their work needs.
+
+It leaves when nobody is left who could ask it for a process, and no signal ends it before: it alone can tell how a process ended.
+"""
+
+import gc
+import os
+import signal
+
+
+def _ready() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as everybody who works has it; threads are not forked
+    from app import reporting, results
+
+    assert reporting and results
+    gc.freeze()  # what is never touched is never copied
+
+
+_ready()
