@@ -9,15 +9,16 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
 from app.api.access import new_token
+from app.working_process import heed_the_server_alone
 from tests.faults import disturbing
 
 WAIT = 180.0  # s until a test gives up
 FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["app.commands.serve", "app.results", "tests.faults.victim"])
 
 
 class Victim:
@@ -109,6 +110,8 @@ def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:
 def _serve(data: Path, words: tuple[str, ...]) -> None:
     from app.cli import main
 
+    heed_the_server_alone()
+    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]  # what it was forked from serves its own processes, too
     disturbing.install(data.parent)
     log = os.open(data.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)

@@ -1,12 +1,14 @@
 """A virtual glove as a process of its own, for tests that need a real port."""
 
-import subprocess
-import sys
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from app.cli import main
+from app.working_process import CONTEXT, heed_the_server_alone
 
 WAIT = 30.0  # s until a test gives up
 
@@ -14,15 +16,14 @@ WAIT = 30.0  # s until a test gives up
 @contextmanager
 def virtual_glove(path: Path, *words: str) -> Iterator[Path]:
     """`handscope glove` at a path; ends with the test."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "app.cli", "glove", "--pty", str(path), *words], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-    )
+    process = CONTEXT.Process(target=_run, args=(["glove", "--pty", str(path), *words],), daemon=True)
+    process.start()
     try:
         wait_for(path.is_symlink)
         yield path
     finally:
         process.terminate()
-        process.wait()
+        process.join()
 
 
 def wait_for(condition: Callable[[], Any]) -> Any:
@@ -32,3 +33,11 @@ def wait_for(condition: Callable[[], Any]) -> Any:
         assert time.monotonic() < until, "what the test waits for did not happen"
         time.sleep(0.01)
     return value
+
+
+def _run(words: list[str]) -> None:
+    heed_the_server_alone()
+    silent = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1):
+        os.dup2(silent, stream)
+    raise SystemExit(main(words))
