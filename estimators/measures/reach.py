@@ -23,6 +23,7 @@ from estimators.measures.reach_place import PlaceMeasure, Where
 from estimators.measures.shown import Curve, Shown
 from estimators.measures.signals import Even, even, turning
 from estimators.measures.smoothness import log_dimensionless_jerk, sparc
+from estimators.measures.trunk_displacement import height_told
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
@@ -116,7 +117,9 @@ def measure(
     if ways:
         told = grade_of(part.flags[:, [SEGMENT["hand"]]])
         told = told if turned else worse(told, ("fair", FINGERTIPS))
-    where = reach_place.places(params, part, spans, lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)))
+    where = reach_place.places(
+        params, part, spans, lambda t, speed, smallest: _found(of_speed(params, t, speed, None, smallest)), height_told(asked.details)
+    )
     return Reach(tuple(ways), 0.01, sd, turned, *told, signal.t, signal.values, where)  # 1 %: a gyroscope's scale
 
 
@@ -184,4 +187,5 @@ def shown(r: Reach) -> Shown:
     curve = Curve("hand_speed", "rad/s", r.t, r.speed) if r.turned else Curve("fingertip_speed", "m/s", r.t, r.speed)
     if r.where is None:
         return Shown((curve,), marks)
-    return Shown((curve, Curve("hand_distance", "m", r.where.t, r.where.distance)), marks)
+    of_trunk = Curve("hand_distance", "m", r.where.t, r.where.distance), Curve("trunk_forward", "m", r.where.t, r.where.forward)
+    return Shown((curve, *of_trunk), marks)

@@ -1,11 +1,12 @@
 """Reaching in metres: where the hand went, seen from the trunk, and what the trunk did meanwhile; only where a magnet tells the hand's place.
 
 In      a trajectory with the hand's place and the trunk's orientation, the stretches in which a reach was called
-Out     per reach: straight distance, way, straightness, peak speed, smoothness, lean and turn of the trunk; of all: farthest place, volume reached
+Out     per reach: straight distance, way, straightness, peak speed, smoothness, lean and turn of the trunk, how far leaning carried it forward; of all:
+        farthest place, volume reached
 Source  straightness as the way over the straight distance, trunk compensation: Levin et al. 2002, Exp Brain Res 143:171; Subramanian et al. 2010,
         Stroke 41:2303 (there of markers, the trunk by its displacement); SPARC and LDLJ: smoothness.py; volume: convex hull, its standard
         deviation from its corners', taken as independent
-Limits  a place is the hand's against the trunk: what the trunk brings the hand forward is not in it, and is told as lean and turn, not in metres
+Limits  a place is the hand's against the trunk: what the trunk brings the hand forward is not in it, and is told by itself (trunk_displacement.py)
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from estimators import quaternions as quat
 from estimators.measures.figure import TRUSTED, USABLE, Figure, Grade, Kind, kinds, worse
 from estimators.measures.signals import even
+from estimators.measures.trunk_displacement import TrunkParams, displacement
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
@@ -24,6 +26,7 @@ from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
 OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
 NO_MAGNET = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
+NO_HEIGHT = "the height of the trunk's sensor above the hips (trunk_height of the task) is not one between 0.1 and 0.7 m; give it in m"
 UNKNOWN = np.uint8(PlaceFlag.MISSING | PlaceFlag.OUT_OF_REACH | PlaceFlag.DOUBTFUL)
 FEWEST = 8  # samples of a way
 
@@ -36,15 +39,16 @@ KINDS = kinds(
     Kind("reach_hand_ldlj", "1", "mean log dimensionless jerk of the hand's speed; nearer to zero is smoother", OF_PLACE),
     Kind("reach_trunk_lean", "rad", "mean of how far the trunk's inclination leaves that at the beginning of a reach", LEVIN),
     Kind("reach_trunk_turn", "rad", "mean of how far the trunk turns about the vertical from the beginning of a reach", LEVIN),
+    Kind("reach_trunk_forward", "m", "mean of how far leaning has carried the trunk's sensor forward where a reach ends; of a rigid trunk that leans about the hips", LEVIN),
     Kind("reach_farthest", "m", "largest distance of the hand's sensor from the trunk's", "ours"),
     Kind("reach_volume", "m^3", "volume of the convex hull of the hand's places, against the trunk", "ours"),
     Kind("reach_signal", "dB", "median of the loudest magnetometer's reading over the earth's field; near 0 the magnet is hardly heard", "Kortier, thesis (5.23)"),
 )  # fmt: skip
-OF_EACH = ("distance", "way", "straightness", "hand_speed", "hand_sparc", "hand_ldlj", "trunk_lean", "trunk_turn")
+OF_EACH = ("distance", "way", "straightness", "hand_speed", "hand_sparc", "hand_ldlj", "trunk_lean", "trunk_turn", "trunk_forward")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceMeasure:
+class PlaceMeasure(TrunkParams):
     """How places are looked at."""
 
     smallest_way: float = option(0.05, "m/s", "a peak speed of the hand against the trunk below this is no reach", "ours")
@@ -73,23 +77,32 @@ class Where:
     reason: str
     t: Array  # (n,) s
     distance: Array  # (n,) m from the trunk
+    forward: (
+        Array  # (n,) m that leaning has carried the trunk's sensor since the first reach was called; NaN where its orientation is not known
+    )
 
 
 Found = tuple[float, float, Mapping[str, float]]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
 OfSpeed = Callable[[Array, Array, float], Found | None]
 
 
-def places(params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], of_speed: OfSpeed) -> Where | None:
-    """What the places say of every stretch that was called; None where there is no magnet. `of_speed` finds one reach in a speed."""
+def places(
+    params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], of_speed: OfSpeed, height: float | None = None
+) -> Where | None:
+    """What the places say of every stretch that was called; None where there is no magnet.
+
+    `of_speed` finds one reach in a speed; `height` of the trunk's sensor above the hips, m, where it was measured, NaN where what was told is none.
+    """
     if part.place is None or part.place_sd is None or part.place_flags is None or part.q_trunk is None or part.q_trunk_sd is None:
         return None
     good = ((part.place_flags & UNKNOWN) == 0) & np.isfinite(part.place).all(axis=1)
     grade, reason = _graded(part)
     distance = np.where(good, np.linalg.norm(part.place, axis=1), np.nan)
+    forward = _forward(params, part, spans, height)
     if grade == "poor" or good.sum() < FEWEST:
-        return Where((), {}, "poor", reason or "no place of the hand in reach of the magnetometers", part.t, distance)
-    ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed))]
-    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance)
+        return Where((), {}, "poor", reason or "no place of the hand in reach of the magnetometers", part.t, distance, forward)
+    ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed, height))]
+    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance, forward)
 
 
 def figures(where: Where | None) -> list[Figure]:
@@ -99,6 +112,9 @@ def figures(where: Where | None) -> list[Figure]:
         if where is None:
             made.append(kind.of(np.nan, None, "poor", NO_MAGNET))
         elif what in OF_EACH:
+            if what == "trunk_forward" and where.ways and not np.isfinite([w.values[what] for w in where.ways]).any():
+                made.append(kind.of(np.nan, None, "poor", NO_HEIGHT))
+                continue
             each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
             own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
             made.append(kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), *_told(where, bool(len(each)))))
@@ -132,7 +148,9 @@ def _graded(part: Trajectory) -> tuple[Grade, str]:
     return worse(*told)
 
 
-def _way(params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end: float, of_speed: OfSpeed) -> Single | None:
+def _way(
+    params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end: float, of_speed: OfSpeed, height: float | None
+) -> Single | None:
     """One reach; None where nothing moved or its place is not known throughout."""
     assert part.place is not None and part.place_sd is not None and part.q_trunk is not None and part.q_trunk_sd is not None
     inside = (part.t >= onset) & (part.t <= end)
@@ -153,7 +171,9 @@ def _way(params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end:
     distance = float(np.linalg.norm(across))
     toward = across / max(distance, 1e-9)
     sd = float(np.sqrt(((toward * part.place_sd[[here, there]]) ** 2).sum()))
-    lean, turn, turned = _trunk(part, slice(here, there + 1))
+    rows = slice(here, there + 1)
+    lean, turn, turned = _trunk(part, rows)
+    carried = displacement(params, part.q_trunk[rows], part.q_trunk_sd[rows], height)
     share = sd / max(distance, 1e-9)
     values = {
         "distance": distance,
@@ -164,6 +184,7 @@ def _way(params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end:
         "hand_ldlj": told["ldlj"],
         "trunk_lean": lean,
         "trunk_turn": turn,
+        "trunk_forward": float(carried.forward[-1]),
     }
     own = {
         "distance": sd,
@@ -171,8 +192,19 @@ def _way(params: PlaceMeasure, part: Trajectory, good: Array, onset: float, end:
         "hand_speed": share * told["peak_speed"],
         "trunk_lean": turned,
         "trunk_turn": turned,
+        "trunk_forward": float(carried.sd[-1]),
     }
     return Single(a, b, values, own)
+
+
+def _forward(params: PlaceMeasure, part: Trajectory, spans: Sequence[tuple[float, float]], height: float | None) -> Array:
+    """How far leaning has carried the trunk's sensor since the first of the spans begins (n,); NaN before, and where nothing is known."""
+    assert part.q_trunk is not None and part.q_trunk_sd is not None
+    known = np.flatnonzero(np.isfinite(part.q_trunk).all(axis=1) & (part.t >= min((a for a, _ in spans), default=np.inf)))
+    forward = np.full(len(part), np.nan)
+    if len(known):
+        forward[known] = displacement(params, part.q_trunk[known], part.q_trunk_sd[known], height).forward
+    return forward
 
 
 def _trunk(part: Trajectory, rows: slice) -> tuple[float, float, float]:

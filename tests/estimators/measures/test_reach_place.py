@@ -7,7 +7,7 @@ import pytest
 
 from estimators import quaternions as quat
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.measures import reach, reach_place
+from estimators.measures import reach, reach_place, trunk_displacement
 from estimators.measures.asked import Asked, Mark
 from estimators.measures.figure import Figure
 from estimators.trajectory import PlaceFlag, Trajectory
@@ -36,8 +36,8 @@ def _reached(place: np.ndarray, lean: np.ndarray | None = None, flags: int = 0) 
     )
 
 
-def _figures(moved: Trajectory) -> dict[str, Figure]:
-    return by_name(reach.figures(reach.measure(reach.Params(), moved, 0.0, 8.0, None, ASKED)))
+def _figures(moved: Trajectory, asked: Asked = ASKED) -> dict[str, Figure]:
+    return by_name(reach.figures(reach.measure(reach.Params(), moved, 0.0, 8.0, None, asked)))
 
 
 def test_two_straight_reaches_forward_have_their_length_and_the_lean_of_the_trunk() -> None:
@@ -63,6 +63,39 @@ def test_a_way_round_about_is_longer_than_straight() -> None:
     angle = np.pi * _smooth(2.0, 1.0)
     place = np.stack([0.3 - 0.1 * np.cos(angle), 0.1 * np.sin(angle), np.zeros_like(T)], axis=1)
     assert _figures(_reached(place))["reach_straightness"].value == pytest.approx(np.pi / 2, rel=0.01)
+
+
+def _leaning(**details: object) -> Figure:
+    """One reach of 0.3 m against the trunk, which leans forward by 30 deg meanwhile; its sensor errs by 0.01 rad."""
+    there = _smooth(2.0, 1.0)
+    place = np.stack([0.2 + 0.3 * there, np.zeros_like(T), np.zeros_like(T)], axis=1)
+    asked = Asked("reach", details, (Mark(1.0, 8.0, "reach", 1),))
+    return _figures(_reached(place, np.radians(30.0) * there), asked)["reach_trunk_forward"]
+
+
+def test_a_trunk_that_leans_about_the_hips_carries_its_sensor_forward() -> None:
+    """h sin 30 deg; the error of h, of the lean (h cos 30 deg 0.01), and of a line that stood 10 deg off upright (h (1 - cos 30 deg) 0.175)."""
+    f = _leaning()
+    assert f.value == pytest.approx(0.40 * 0.5, rel=0.01)
+    assert f.sd == pytest.approx(np.sqrt((0.5 * 0.05) ** 2 + (0.40 * 0.866 * 0.01) ** 2 + (0.40 * 0.134 * 0.1745) ** 2), rel=0.02)
+    measured = _leaning(trunk_height="0.5")
+    assert measured.value == pytest.approx(0.25, rel=0.01)
+    assert measured.sd == pytest.approx(np.sqrt((0.5 * 0.02) ** 2 + (0.5 * 0.866 * 0.01) ** 2 + (0.5 * 0.134 * 0.1745) ** 2), rel=0.02)
+
+
+def test_a_height_in_another_unit_gives_no_displacement_and_says_why() -> None:
+    f = _leaning(trunk_height="42")
+    assert np.isnan(f.value) and f.grade == "poor"
+    assert "give it in m" in f.reason
+
+
+def test_turning_about_the_vertical_carries_nothing_forward_and_drift_of_heading_hardly_matters() -> None:
+    q = quat.multiply(quat.about(2, np.linspace(0.0, 0.3, 50)), quat.about(1, np.linspace(0.0, 0.2, 50)))
+    params = trunk_displacement.TrunkParams()
+    turned = trunk_displacement.displacement(params, quat.about(2, np.linspace(0.0, 1.0, 50)), np.zeros((50, 3)), None)
+    assert np.abs(turned.forward).max() < 1e-9
+    drifting = trunk_displacement.displacement(params, q, np.zeros((50, 3)), None)
+    assert drifting.forward[-1] == pytest.approx(0.40 * np.sin(0.2) * np.cos(0.3), rel=1e-6)
 
 
 def test_without_a_magnet_nothing_in_metres_is_measured_and_the_reason_is_said() -> None:
