@@ -214,7 +214,7 @@ def _task(t: TaskResult) -> dict[str, Any]:
 
 def _shown(shown: Shown) -> dict[str, Any]:
     """Curves, thinned, and marks as plain data; NaN becomes None."""
-    curves = [thinned(c, CURVE_POINTS) for c in shown.curves]
+    curves = thinned(shown.curves, CURVE_POINTS)
     told = [{"name": c.name, "unit": c.unit, "x_unit": c.x_unit, "x": _plain(c.x, 5), "y": _plain(c.y, 6)} for c in curves]
     return {"curves": told, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
 

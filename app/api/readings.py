@@ -16,6 +16,7 @@ from app.report.norms import norm_of
 from app.report.other_measures import other_measures
 from app.report.range_comparison import flexion_with_sd
 from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
+from app.report.shown_panels import shown_of
 from app.report.units import DEG, TAPPING_DECIMALS, reading
 from app.report.words import figure_words
 from estimators.measures import MEASURES
@@ -146,7 +147,7 @@ def _others(
     kept = _by_task(figures)
     told = [
         Task(
-            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get(_key(t), ()))),
+            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get(_key(t), ())), shown_of(t.get("shown"))),
             _title(t, protocols.get(t["task"]), language),
             getattr(MEASURES.get(t["measure"]), "TITLE", t["measure"]),
             None,
@@ -155,7 +156,11 @@ def _others(
     ]
     sections = other_measures(graded_tasks(told, grading, other_hand), language)
     choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
-    return [{**s, "gradings": choices if s["grading"] else []} for s in sections if s["rows"]]
+    return [
+        {**s, "gradings": choices if s["grading"] else [], "curves": [[trial, [asdict(p) for p in found]] for trial, found in s["curves"]]}
+        for s in sections
+        if s["rows"]
+    ]
 
 
 def _by_task(figures: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, float], list[Figure]]:

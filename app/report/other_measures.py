@@ -11,6 +11,7 @@ from app.language import Language
 from app.report.content import Task
 from app.report.norms import norm_of
 from app.report.range_rows import GRADES
+from app.report.shown_panels import Panel, panels
 from app.report.units import decimals, decimals_of_sd, reading, unit_words
 from app.report.words import grade_words, named, span_words
 from estimators.measures.figure import Figure
@@ -20,7 +21,9 @@ OWN = ("tapping", "range_of_motion")  # measures that have one
 
 
 def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
-    """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has."""
+    """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
+    `curves` the panels of each trial that has any, with the trial's name.
+    """
     told: dict[tuple[str, str], list[Task]] = {}
     for task in tasks:
         if task.result.measure not in OWN:
@@ -49,8 +52,18 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
         "norms": norms,
         "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
         "limit": language.known(f"limit.{trials[0].result.measure}", ""),  # what the measure cannot tell
+        "curves": _curves(trials, language),
+        "marks": language.known(f"marks.{trials[0].result.measure}", ""),  # what the lines upright mean
         "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
     }
+
+
+def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[Panel]]]:
+    told = [
+        (language.say("tapping.trial", number=k + 1) if len(trials) > 1 else "", panels(t.result.shown, t.result.onset, language))
+        for k, t in enumerate(trials)
+    ]
+    return [(name, found) for name, found in told if found]
 
 
 def _row(figures: Sequence[Figure], language: Language) -> list[Any]:

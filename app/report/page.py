@@ -10,6 +10,7 @@ import numpy as np
 
 from app.language import Language
 from app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
+from app.report.measure_plots import drawn
 from app.report.other_measures import other_measures
 from app.report.range_rows import asks_full_range, by_task
 from app.report.range_section import range_section
@@ -47,7 +48,7 @@ def words_of(content: Content, language: Language) -> Page:
         "summary": summary(content, language),
         "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
         "tapping": [tapping_section(taps[k : k + TRIALS], k, len(taps), language, content.changes) for k in range(0, len(taps), TRIALS)],
-        "others": other_measures(content.tasks, language),
+        "others": [drawn(section, language) for section in other_measures(content.tasks, language)],
         "further": [s for s in (range_section(content, trials, language, bars=False) for trials in further) if not s["absent"]],
         "trends": [section for section in [trend_section(content, language)] if section],
         "self_calibration": self_calibration_section(content.self_calibration, language),

@@ -58,13 +58,13 @@ _MATPLOTLIB = threading.Lock()  # matplotlib's settings belong to the process: o
 
 def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width: float, language: Language, labels: bool = True) -> str:
     """A bar from the smallest to the largest angle of every joint (one at least), flexion left, deviation right; `labels` names the joints."""
-    with _drawing():
+    with drawing():
         places, height = row_places(rows)
         figure = Figure(figsize=(width / 72, (height + HEAD) / 72))
         left = 56.0 if labels else 2.0
         inner = width - left - PANEL_GAP
         for k, (share, angle, least, words) in enumerate(PANELS):
-            ax = _axes(figure, left + k * (0.66 * inner + PANEL_GAP), 0, share * inner, height, width, height + HEAD)
+            ax = axes_at(figure, left + k * (0.66 * inner + PANEL_GAP), 0, share * inner, height, width, height + HEAD)
             bars = [_Bar(y, r, _ticks(r, references)) for y, row in zip(places, rows) if (r := getattr(row, angle))]
             number = NUMBER * _scale(ax, bars, least, share * inner, height)
             _head(ax, *(language.say(f"way.{word}") for word in words))
@@ -73,7 +73,7 @@ def range_chart(rows: Sequence[RangeRow], references: Sequence[Reference], width
             if labels and k == 0:
                 for row, y in zip(rows, places):
                     ax.annotate(f"{row.group} {row.joint}", (0, y), (-left + 1, 0), ("axes fraction", "data"), "offset points", va="center")
-        return _svg(figure)
+        return svg_of(figure)
 
 
 def row_places(rows: Sequence[RangeRow]) -> tuple[Array, float]:
@@ -84,14 +84,14 @@ def row_places(rows: Sequence[RangeRow]) -> tuple[Array, float]:
 
 def flexion_curves(curves: Sequence[Curve], width: float, height: float, language: Language) -> str:
     """Flexion over time, a panel a finger: first joint solid, middle joint dashed, end joint dotted."""
-    with _drawing():
+    with drawing():
         figure = Figure(figsize=(width / 72, height / 72))
         panels = {f: [c for c in curves if c.joint.startswith(f)] for f in ("wrist", *FINGERS)}
         drawn = {finger: joints for finger, joints in panels.items() if joints}
         angles = DEG * np.concatenate([[0.0], *(c.angle[np.isfinite(c.angle)] for c in curves)])
         share = (width - 14) / max(len(drawn), 1)
         for k, (finger, joints) in enumerate(drawn.items()):
-            ax = _axes(figure, 14 + k * share, 11, share - 10, height - 21, width, height)
+            ax = axes_at(figure, 14 + k * share, 11, share - 10, height - 21, width, height)
             for curve in joints:
                 dashes, colour = LINES[FINGER_JOINTS[finger].index(curve.joint) if finger in FINGERS else 0]
                 ax.plot(curve.t, DEG * curve.angle, ls=dashes, lw=0.7, color=colour)
@@ -99,27 +99,27 @@ def flexion_curves(curves: Sequence[Curve], width: float, height: float, languag
             ax.set(ylim=(min(-30, angles.min()) - 5, max(90, angles.max()) + 5), xlim=(0, joints[0].t[-1]), yticks=(0, 45, 90))
             ax.yaxis.set_tick_params(labelleft=k == 0)
             ax.locator_params(axis="x", nbins=3, prune="upper")
-            _name(ax, language.say(f"finger.{finger}"))
-        return _svg(figure)
+            named(ax, language.say(f"finger.{finger}"))
+        return svg_of(figure)
 
 
 def tapping_chart(tapping: Tapping, width: float, height: float, language: Language) -> str:
     """Distance over time with the closings marked, and below it each tap's amplitude with its regression line."""
-    with _drawing():
+    with drawing():
         figure = Figure(figsize=(width / 72, height / 72))
         inner = (height - 48) / 2
-        _distance(_axes(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping, language)
-        _amplitudes(_axes(figure, 15, 12, width - 19, inner, width, height), tapping, language)
-        return _svg(figure)
+        _distance(axes_at(figure, 15, height - 12 - inner, width - 19, inner, width, height), tapping, language)
+        _amplitudes(axes_at(figure, 15, 12, width - 19, inner, width, height), tapping, language)
+        return svg_of(figure)
 
 
 def trend_chart(
     moments: Sequence[datetime], values: Sequence[float], mdc95: float | None, width: float, height: float, language: Language
 ) -> str:
     """One figure over the sessions, a dot each, with the band of the minimal detectable change about the first."""
-    with _drawing():
+    with drawing():
         figure = Figure(figsize=(width / 72, height / 72))
-        ax = _axes(figure, 22, 13, width - 28, height - 18, width, height)
+        ax = axes_at(figure, 22, 13, width - 28, height - 18, width, height)
         days = [(m - moments[0]).total_seconds() / 86400 for m in moments]
         if mdc95 is not None:
             ax.axhspan(values[0] - mdc95, values[0] + mdc95, color=BAND, lw=0, zorder=0)
@@ -134,11 +134,11 @@ def trend_chart(
         ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")  # the direction stands in the figure's name: no bare sign
         for label, side in zip(ax.get_xticklabels(), ("left", "right")):
             label.set(ha=side)
-        return _svg(figure)
+        return svg_of(figure)
 
 
 @contextmanager
-def _drawing() -> Iterator[None]:
+def drawing() -> Iterator[None]:
     with _MATPLOTLIB, matplotlib.rc_context(SETTINGS):
         yield
 
@@ -150,7 +150,7 @@ def _distance(ax: Axes, tapping: Tapping, language: Language) -> None:
     at = np.interp(tapping.closings, tapping.t[known], tapping.distance[known]) if known.any() else np.zeros(0)
     ax.plot(tapping.closings - start, 1e3 * at, ls="", marker="^", ms=2.6, mfc="white", mec=ACCENT, mew=0.6, clip_on=False)
     ax.set(xlim=(0, tapping.t[-1] - start), ylim=(0, None))
-    _name(ax, language.say("tapping.distance"))
+    named(ax, language.say("tapping.distance"))
 
 
 def _amplitudes(ax: Axes, tapping: Tapping, language: Language) -> None:
@@ -161,10 +161,10 @@ def _amplitudes(ax: Axes, tapping: Tapping, language: Language) -> None:
         slope, level = np.polyfit(number, 1e3 * tapping.amplitudes, 1)
         ax.plot(number[[0, -1]], level + slope * number[[0, -1]], lw=0.9, color=INK, ls=(0, (5, 2)))
     ax.set(xlim=(0.2, max(tapping.count, 1) + 0.8), ylim=(0, None))
-    _name(ax, language.say("tapping.amplitudes"))
+    named(ax, language.say("tapping.amplitudes"))
 
 
-def _name(ax: Axes, words: str) -> None:
+def named(ax: Axes, words: str) -> None:
     """What the axes show, written level above them."""
     ax.annotate(words, (0, 1), (0, 3), "axes fraction", "offset points", va="bottom")
 
@@ -229,14 +229,14 @@ def _ends(low: int, high: int) -> tuple[str, str]:
     return str(-low), str(high)
 
 
-def _axes(figure: Figure, left: float, bottom: float, w: float, h: float, width: float, height: float) -> Axes:
+def axes_at(figure: Figure, left: float, bottom: float, w: float, h: float, width: float, height: float) -> Axes:
     """Axes placed in points."""
     ax = figure.add_axes((left / width, bottom / height, w / width, h / height))
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 
 
-def _svg(figure: Figure) -> str:
+def svg_of(figure: Figure) -> str:
     buffer = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
     return buffer.getvalue().decode()

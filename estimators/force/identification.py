@@ -8,12 +8,14 @@ Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: t
 Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not seen here: whoever calls adds it
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estimators.quaternions import Array
 
+KNOWN = 0.5  # standard deviation over value from which on a running estimate is told
 VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual size
 
 
@@ -99,3 +101,21 @@ def run(state: Recursive, t: Array, y: Array, H: Array, sd: Array, memory: float
         state = step(state, float(t[k]), y[k], H[k], float(sd[k]), memory)
         track[k], spread[k] = state.theta, state.sd
     return state, track, spread
+
+
+@dataclass(frozen=True)
+class Running:
+    """One parameter as it stood after each of n samples; NaN where nothing was known yet."""
+
+    t: Array  # (n,) s
+    value: Array  # (n,)
+    sd: Array  # (n,)
+
+
+def followed(t: Array, y: Array, H: Array, sd: float, size: Array, memory: float, alike: Callable[[Array], Array]) -> Running:
+    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `alike` (of values) is what errs the same in all of them."""
+    _, track, spread = run(begun(size), t, y, H, np.full(len(t), sd), memory)
+    value = track[:, 0]
+    total = np.hypot(spread[:, 0], alike(value))
+    known = total < KNOWN * np.abs(value)
+    return Running(t, np.where(known, value, np.nan), np.where(known, total, np.nan))

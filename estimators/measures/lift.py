@@ -6,6 +6,7 @@ Source  forces and mass: Kortier, thesis ch. 6, (6.5), (6.8), (1.15); phases: gr
 Limits  a mass is told of an object that is lifted with the fingers measured alone; in the thesis it was wrong by 20 to 30 %
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from estimators.force import holding, identification
 from estimators.force.contact import ContactParams
 from estimators.force.holding import UNSURE, Holding
+from estimators.force.identification import Running
 from estimators.gravity import GRAVITY
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
@@ -65,6 +67,9 @@ class Params(ContactParams):
         "ours",
         least=1.0,
     )
+    memory: float = option(
+        1.0, "s", "time after which a sample counts for 1/e in the running estimate", "ours: twelve force samples", least=0.1
+    )
     slip: float = option(0.25, "1", "share of the load by which it leaves the mean within the hold, beyond which the object slipped", "ours", least=0.05)  # fmt: skip
 
 
@@ -78,6 +83,7 @@ class Lifted:
     mass_sd: float
     slips: Array  # s
     reason: str
+    running: Running | None = None  # the mass as it stood while the object was held up
 
 
 @dataclass(frozen=True)
@@ -122,18 +128,27 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
     off, sure = (h.t >= first) & (h.t <= last), (h.t >= first + params.margin) & (h.t <= last - params.margin)
     if sure.sum() < 8 or not np.isfinite(h.forces[sure]).all():
         return Lifted(h, off, np.nan, np.nan, np.empty(0), h.flagged(off) or "the force was not known while the object was held up")
-    mass, sd, supported = mass_of(h, sure)
-    slips = _slips(params, h, sure, mass)
+    weighed = mass_of(params, h, sure)
+    slips = _slips(params, h, sure, weighed.mass)
     reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
     doubtful = bool(h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE))
-    if supported > params.constant:
+    if weighed.supported > params.constant:
         reasons.append("part of the load does not change with the acceleration: something not measured carries the object")
         doubtful = True
-    return Lifted(h, off, np.nan if doubtful else mass, sd, slips, "; ".join(r for r in reasons if r))
+    mass, running = (np.nan, None) if doubtful else (weighed.mass, weighed.running)
+    return Lifted(h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running)
 
 
-def mass_of(h: Holding, used: NDArray[np.bool_]) -> tuple[float, float, float]:
-    """Mass (kg), its standard deviation, and by how many of its own a constant support differs from zero. (6.5), (6.8)"""
+@dataclass(frozen=True)
+class Weighed:
+    mass: float  # kg
+    sd: float
+    supported: float  # by how many of its standard deviations a constant support differs from zero
+    running: Running
+
+
+def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
+    """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)"""
     net, s = h.net[used], h.lifting[used]
     noise = np.full(int(used.sum()), 0.1)
     fit = identification.fitted(net, s[..., None], noise)
@@ -147,8 +162,12 @@ def mass_of(h: Holding, used: NDArray[np.bool_]) -> tuple[float, float, float]:
         (net * up).sum(axis=1)[:, None], np.stack([(s * up).sum(axis=1), np.ones(len(s))], axis=-1)[:, None], noise
     )
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(len(h.fingers)) * 0.15))
-    sd = np.sqrt(fit.sd[0] ** 2 + alike**2 + unexplained / GRAVITY**2)
-    return float(fit.theta[0]), float(sd), float(supported)
+    common = float(np.sqrt(alike**2 + unexplained / GRAVITY**2))
+    each = 0.1 * float(np.sqrt(len(s) / fit.independent))
+    running = identification.followed(
+        h.t[used], net, s[..., None], each, np.ones(1), params.memory, lambda mass: np.full(len(mass), common)
+    )
+    return Weighed(float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, running)
 
 
 def _slips(params: Params, h: Holding, used: NDArray[np.bool_], mass: float) -> Array:
@@ -223,4 +242,15 @@ def shown(r: Lift) -> Shown:
         "put_down": np.array([o.held.t[o.off][-1] for o in r.lifts]),
         "slip": np.concatenate([o.slips for o in r.lifts]),
     }
-    return Shown((Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)), marks)
+    curves = Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)
+    return Shown((*curves, *running_curves("mass", "kg", [o.running for o in r.lifts])), marks)
+
+
+def running_curves(name: str, unit: str, each: Sequence[Running | None]) -> tuple[Curve, ...]:
+    """A running estimate and its standard deviation to either side, one stretch behind the other; none where there is none."""
+    told = [one for one in each if one is not None]
+    if not told:
+        return ()
+    t = np.concatenate([np.append(one.t, one.t[-1]) for one in told])
+    value, sd = (np.concatenate([np.append(getattr(one, what), np.nan) for one in told]) for what in ("value", "sd"))
+    return tuple(Curve(f"{name}{which}", unit, t, value + sign * sd) for which, sign in (("", 0.0), ("_low", -1.0), ("_high", 1.0)))

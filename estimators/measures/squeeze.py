@@ -17,12 +17,12 @@ from estimators.force import exchange, frequency_response, holding, identificati
 from estimators.force.contact import ContactParams
 from estimators.force.frequency_response import Conditions
 from estimators.force.holding import UNSURE, Holding
-from estimators.force.identification import Fit
+from estimators.force.identification import Fit, Running
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
 from estimators.measures.held import within
-from estimators.measures.lift import KORTIER, NONE
+from estimators.measures.lift import KORTIER, NONE, running_curves
 from estimators.measures.shown import Curve, Shown
 from estimators.measures.signals import even
 from estimators.options import option
@@ -30,6 +30,8 @@ from estimators.quaternions import Array
 from estimators.trajectory import Trajectory
 
 TITLE = "Squeeze"
+NOISE = 0.1  # N
+USUAL = np.array([1e3, 50.0, 10.0])  # sizes of stiffness N/m, force at no distance N, and damping N s/m
 KINDS = kinds(
     Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
     Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
@@ -55,6 +57,7 @@ class Params(ContactParams):
     least_depth: float = option(
         3e-3, "m", "range of the distance below which the object counts as rigid", "ours: what the fingertips' places wander by", least=1e-4
     )
+    memory: float = option(3.0, "s", "time after which a sample counts for 1/e in the running estimate", "ours: two squeezes", least=0.1)
     gain_sd: float = option(
         0.055, "1", "error of a change of the fingertips' distance", "docs/reproduction.md, kortier6: RMS over simulated people", least=0.0
     )
@@ -80,6 +83,7 @@ class Squeezed:
     fit: Fit | None  # of K N/m, K p0 N and D N s/m; None where it cannot be told
     conditions: Conditions | None
     reason: str
+    running: Running | None = None  # the stiffness as it stood after each sample
 
 
 @dataclass(frozen=True)
@@ -139,7 +143,9 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     fit, conditions, reasons = _identified(params, h, inside, t[told], x[told], p[told])
-    return Squeezed(h, t, x, p, t[top], x[top], depths, total[top] - total[np.array(edges[:-1])], fit, conditions, "; ".join(reasons))
+    followed = running(params, t[told], x[told], p[told]) if fit else None
+    works = total[top] - total[np.array(edges[:-1])]
+    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed)
 
 
 def _identified(
@@ -151,11 +157,24 @@ def _identified(
     if np.ptp(p) < params.least_depth:
         return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
     told = frequency_response.conditions(frequency_response.response(t, x, p))
-    fit = identification.fitted(x[:, None], np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None], np.full(len(t), 0.1))
+    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:
         return None, told, [*reasons, *told.reasons, "force and distance do not go together as those of a spring do"]
     return (None if doubtful else fit), told, [*reasons, *told.reasons]
+
+
+def _spring(t: Array, p: Array) -> Array:
+    """H (n, 1, 3) of stiffness, force at no distance, and damping. (6.6)"""
+    return np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None]
+
+
+def running(params: Params, t: Array, x: Array, p: Array) -> Running:
+    """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
+    fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
+    each = NOISE * float(np.sqrt(len(t) / fit.independent))
+    alike = float(np.hypot(params.gain_sd, params.scale_sd))
+    return identification.followed(t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K))
 
 
 def figures(r: Squeeze) -> list[Figure]:
@@ -215,6 +234,7 @@ def shown(r: Squeeze) -> Shown:
         return Shown()
     one = max(r.grasps, key=lambda g: len(g.t))
     curves = [Curve("squeeze_force", "N", one.t, one.force), Curve("squeeze_distance", "m", one.t, one.distance)]
+    curves += [*_over_distance(one), *running_curves("stiffness", "N/m", [one.running])]
     if one.conditions is not None:
         answer = frequency_response.response(one.t, one.force, one.distance)
         seen = answer.excited
@@ -223,3 +243,13 @@ def shown(r: Squeeze) -> Shown:
             Curve("squeeze_coherence", "1", answer.frequency[seen], answer.coherence[seen], "Hz"),
         ]
     return Shown(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
+
+
+def _over_distance(one: Squeezed) -> list[Curve]:
+    """The force over the distance, in the order of the distance, and the spring that was fitted to it."""
+    order = np.argsort(one.distance)
+    x, force = one.distance[order], one.force[order]
+    measured = Curve("force_over_distance", "N", x, force, "m")
+    if one.fit is None:
+        return [measured]
+    return [measured, Curve("fitted_spring", "N", x, one.fit.theta[1] - one.fit.theta[0] * x, "m")]

@@ -4,13 +4,14 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
 
 /**
  * wanted.label    what a screen reader says
- * wanted.lines    [{ colour: "--curve-1", dash, bars, points }]; points: their size in px, across gaps
+ * wanted.lines    [{ colour: "--curve-1", dash, bars, points, dots }]; points: their size in px, across gaps; dots: the same without a line
  * wanted.words    (value) => text of a y tick
  * wanted.xWords   (value) => text of an x tick
  * wanted.window   (newest x) => [from, to]; else all data
  * wanted.under    (plot) => anything drawn below the lines
  * wanted.drawn    (plot) => anything drawn on top
  * wanted.right    px beside the plot, where labels are long
+ * wanted.air      least room beyond the data, of their unit (2)
  * wanted.low, high  values that stay in sight; then zero need not be
  * wanted.pressed  (x) => a press at x
  */
@@ -81,8 +82,10 @@ function optionsOf(wanted, root) {
 function lineOf(line) {
   const stroke = colour(line.colour);
   const bars = line.bars ? { paths: uPlot.paths.bars({ size: [0.6, 28] }), fill: stroke } : {};
-  const points = line.points ? { show: true, size: line.points, fill: stroke } : { show: false };
-  return { stroke, width: 2, dash: line.dash, points, spanGaps: Boolean(line.points), ...bars };
+  const size = line.points ?? line.dots;
+  const points = size ? { show: true, size, fill: stroke } : { show: false };
+  const alone = line.dots ? { paths: () => null } : {};
+  return { stroke, width: 2, dash: line.dash, points, spanGaps: Boolean(line.points), ...bars, ...alone };
 }
 
 function xRange(wanted, low, high) {
@@ -102,7 +105,7 @@ function yRange(wanted, low, high) {
     const air = 0.08 * Math.max(most - least, 1e-3);
     return [least - air, most + air];
   }
-  const air = Math.max(2, 0.08 * (high - low));
+  const air = Math.max(wanted.air ?? 2, 0.08 * (high - low), 1e-6);
   return [low < 0 ? low - air : 0, high > 0 ? high + air : 0];
 }
 

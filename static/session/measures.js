@@ -2,14 +2,19 @@
 import { h } from "../dom.js";
 import { field, select } from "../forms.js";
 import { t } from "../words/words.js";
+import * as curves from "./measure_curves.js";
 
 export function mount(root, api, { session, result, go }) {
   const graded = (scheme) => go(`/sessions/${session.id}?${new URLSearchParams({ result: result.id, grading: scheme })}`, true);
-  root.append(...result.readings.others.map((told) => section(told, graded)));
-  return () => {};
+  const leave = result.readings.others.map((told) => {
+    const drawn = h("div", { class: "curves-of" });
+    root.append(section(told, graded, drawn));
+    return curves.mount(drawn, told);
+  });
+  return () => leave.forEach((unmount) => unmount());
 }
 
-function section(told, graded) {
+function section(told, graded, drawn) {
   const chosen = select(told.gradings, told.grading, { onchange: () => graded(chosen.value) });
   const normed = told.norms.some(Boolean);
   const columns = [t("measures.figure"), ...told.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
@@ -24,6 +29,7 @@ function section(told, graded) {
     told.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
     h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
     told.reason && h("p", { class: "hint" }, told.reason),
+    drawn,
     told.limit && h("p", { class: "hint" }, told.limit),
     h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
   );
