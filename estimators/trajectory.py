@@ -41,6 +41,7 @@ class ForceFlag(IntFlag):
     UNBALANCED = 8  # the forces do not add up: something that is not measured touches the object
     SLIP = 16  # the object moved against the fingers
     UNORIENTED = 32  # how the fingertip is turned was not known
+    SHARED = 64  # what the fingers push against each other does not quite cancel: another may carry part of the load
 
 
 FORCE_WORDS = {
@@ -50,6 +51,7 @@ FORCE_WORDS = {
     ForceFlag.UNBALANCED: "forces do not balance: something not measured touches the object, or a force sensor is wrong",
     ForceFlag.SLIP: "the object slipped",
     ForceFlag.UNORIENTED: "orientation of the fingertip not known",
+    ForceFlag.SHARED: "the fingers do not quite push against each other: another finger or something else may carry part of the load",
 }
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
-from estimators.force import contact, interpolation, tip_orientation, zero
+from estimators.force import balance, contact, interpolation, tip_orientation, zero
 from estimators.force.contact import ContactParams, Grasp, runs
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.force.zero import Zero, ZeroParams
@@ -39,6 +39,9 @@ class ForceParams(TipParams, ContactParams, ZeroParams):
         0.25, "s", "distance to the nearest force sample beyond which it counts as missing", "ours: three samples at 12 Hz", least=0.01
     )
     doubt: float = option(4.0, "1", "standard deviations beyond which a zero has drifted, or forces do not balance", "ours", least=1.0)
+    shared: float = option(
+        2.0, "1", "standard deviations of the rest along the push beyond which another finger may carry part of the load", "ours", least=1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,11 @@ def attached(
                 turn[a:b, s], covariance[a:b, s] = told.turn[:, j], told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
             if np.nanmedian(told.unbalanced) > params.doubt:
                 flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
+            q = quat.multiply(quat.exp(told.turn), q_GF[a:b, here])
+            pushed, specific = (quat.rotate(q, v[a:b, here]) for v in (force, acc))
+            rest, rest_sd = balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], params.force_scale)
+            if abs(rest) > params.shared * rest_sd:
+                flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
     q = quat.multiply(quat.exp(turn), q_GF)
     flags[~known] |= np.uint8(ForceFlag.UNORIENTED)
     own, in_global = quat.rotate(q, acc), quat.rotate(q, force)

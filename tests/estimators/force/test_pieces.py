@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from estimators import quaternions as quat
-from estimators.force import contact, identification, interpolation, tip_orientation, zero
+from estimators.force import balance, contact, identification, interpolation, tip_orientation, zero
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.quaternions import Array
 
@@ -128,6 +128,35 @@ def test_recursive_least_squares_that_forgets_follows_a_change() -> None:
     _, track, _ = identification.run(identification.begun(np.ones(1)), t, y, H, np.full(1000, 0.2), memory=1.0)
     assert track[499, 0] == pytest.approx(0.3, abs=1e-4)
     assert track[-1, 0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_running_estimate_is_told_once_it_is_half_known_and_is_never_surer_than_what_errs_alike() -> None:
+    """5 N/m^-1 s^2 of mass 0.5 with a noise of 4 N a sample: known to half of 0.5 after three samples at the earliest."""
+    t = 0.02 * np.arange(400)
+    H = np.full((400, 1, 1), 9.81)
+    y = 0.5 * H[:, :, 0] + np.random.default_rng(4).normal(0.0, 4.0, (400, 1))
+    told = identification.followed(t, y, H, 4.0, np.ones(1), 1e9, lambda value: np.full(len(value), 0.03))
+    known = np.flatnonzero(np.isfinite(told.value))
+    assert known[0] >= 2
+    assert told.value[-1] == pytest.approx(0.5, abs=0.06)
+    assert told.sd[-1] == pytest.approx(np.hypot(4.0 / 9.81 / 20.0, 0.03), rel=0.15)
+    assert np.nanmin(told.sd) >= 0.03
+
+
+def pushing(share: float) -> tuple[float, float]:
+    """Thumb and index push with 6 N against each other along x and carry 2 N each; the index lacks a share of its push; scales err by 2 %, zeros by 0.05 N."""
+    force = np.zeros((50, 2, 3))
+    force[:, 0], force[:, 1] = [6.0, 0.0, 2.0], [-6.0 * (1 - share), 0.0, 2.0]
+    acc = np.tile([0.0, 0.0, 9.81], (50, 2, 1))
+    turns = np.tile(np.eye(6) * 0.05**2, (50, 1, 1))
+    return balance.rest_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
+
+
+def test_what_a_third_finger_carries_is_left_along_the_push_and_turned_tips_do_not_hide_it() -> None:
+    rest, sd = pushing(0.1)
+    assert rest == pytest.approx(0.6)
+    assert sd == pytest.approx(np.sqrt(0.12**2 + 0.108**2 + 2 * 0.05**2 + 2 * (2.0 * 0.05) ** 2), rel=1e-3)
+    assert pushing(0.0)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_parameters_are_as_sure_as_they_say_where_samples_err_alike() -> None:
