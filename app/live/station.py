@@ -19,6 +19,7 @@ from app.devices.glove import Glove
 from app.live import ghost, kept_trials, wizard
 from app.live.curve import Curve
 from app.live.free_movement import FreeMovement
+from app.live.held_so_far import HeldSoFar
 from app.live.measured_steps import MeasuredSteps
 from app.live.moving_finger import MOVES, bends
 from app.live.setup import Setup
@@ -29,7 +30,7 @@ from app.live.whereabouts import Whereabouts
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
 from app.scene.hand_scene import HandScene
 from app.version import software_version
-from estimators import calibration_quality, magnet_streams
+from estimators import calibration_quality
 from estimators.calibration import Calibration
 from estimators.calibration_quality import JointQuality
 from estimators.errors import InputError
@@ -88,7 +89,7 @@ class Station:
         }
         self.tracking = Tracking(setup.method, setup.params, setup.hand, setup.geometry, self._posed)
         self.whereabouts = Whereabouts()
-        self._following: threading.Thread | None = None
+        self.held = HeldSoFar(self.tracking)
         self.glove = Glove(setup.port, setup.recording, about, self._fed)
         self.steps = MeasuredSteps(self.glove, self.tracking, self._number)
         self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
@@ -172,6 +173,8 @@ class Station:
                     self._wiggle(facts)
                     self._draw(facts)
                     self._place()
+                    if self._wizard.state is State.TASK_RUN:
+                        self.held.follow(str(self._wizard.task), self._wizard.onset)
                     self._tell(facts)
                     if time.monotonic() - self._drawn > TICK:
                         self._draw_hand()
@@ -187,11 +190,7 @@ class Station:
     def _place(self) -> None:
         """Where the hand is, seen from the trunk."""
         a = self.glove.assembler
-        streams = list(a.streams.values())
-        if (a.plate is not None or magnet_streams.magnetometers(streams)) and not (self._following and self._following.is_alive()):
-            worn = (a.plate, streams, a.mounting)
-            self._following = threading.Thread(target=self.whereabouts.advance, args=worn, name=f"place {self.name}", daemon=True)
-            self._following.start()  # off the tick: on a machine's first use the filter is translated for a minute
+        self.whereabouts.follow(a.plate, list(a.streams.values()), a.mounting)
         if (at := self.whereabouts.latest) is not None:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
 

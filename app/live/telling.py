@@ -37,6 +37,7 @@ CLOSING = (
 )
 SCALES = {"repetitions": 1.0} | dict.fromkeys(("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi)  # shares: per cent
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
+UNCOUNTED = ("reach", "force")  # groups of tasks in which closing the fingers is no tap and no repetition
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 STEPS = (("connect", "Connect"), ("pose", "Initial pose"), ("tasks", "Tasks"), ("finish", "Finish"))
 STEP_OF = {State.CONNECT: "connect", State.CHECK: "connect", State.CHECKED: "connect", State.FINISHED: "finish"} | dict.fromkeys(
@@ -316,8 +317,15 @@ def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]
         return []
     t, values = np.array(points).T
     told = [("largest", float(values.max()), station.curve.unit), ("smallest", float(values.min()), station.curve.unit)]
+    if w.protocol.group in UNCOUNTED:
+        first = station.whereabouts.number() if w.protocol.group == "reach" else station.held.told(w.task)
+        return [*([first] if first else []), *_rounded(told)]
     if station.curve.what == "aperture":
         told.insert(0, ("taps", float(max(0, len(tapping.closings(tapping.Params(), t, values * 1e-3)) - 1)), ""))
     else:
         told.insert(0, ("repetitions", float(repetitions.count(values, LEAST)), ""))
+    return _rounded(told)
+
+
+def _rounded(told: list[tuple[str, float, str]]) -> list[dict[str, Any]]:
     return [{"name": name, "value": round(value, 1), "unit": unit} for name, value, unit in told]

@@ -1,6 +1,7 @@
 """Where the hand is, seen from the trunk, in a live station: followed by the station's tick, apart from the method, so that neither holds up the other."""
 
 import logging
+import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,7 +12,7 @@ from estimators import hand_place
 from estimators.errors import InputError
 from estimators.hand_place import PlaceParams, Places, Setting
 from estimators.magnet_plate import Plate
-from estimators.magnet_streams import concerned
+from estimators.magnet_streams import concerned, magnetometers
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
 from estimators.trajectory import PLACE_WORDS
@@ -31,11 +32,18 @@ class Whereabouts:
         self._setting: Setting | None = None
         self._state: hand_place.State | None = None
         self.latest: Places | None = None  # the newest row
+        self._thread: threading.Thread | None = None
         self.reason = ""  # why nothing is followed though something of it is worn
 
     def feed(self, blocks: Sequence[Block]) -> None:
         """Take blocks from the glove's thread; never waits."""
         self._queue.extend(b for b in blocks if concerned(b.stream))
+
+    def follow(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+        """Advance in a thread of its own, where none is at it: on a machine's first use the filter is translated for a minute."""
+        if (plate is not None or magnetometers(streams)) and not (self._thread and self._thread.is_alive()):
+            self._thread = threading.Thread(target=self.advance, args=(plate, streams, mounting), name="place", daemon=True)
+            self._thread.start()
 
     def advance(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
         """Follow what came since the last time; what is worn may have changed."""
@@ -68,6 +76,13 @@ class Whereabouts:
             "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
             "signal_db": round(float(self.latest.signal[0]), 1) if np.isfinite(self.latest.signal[0]) else None,
         }
+
+    def number(self) -> dict[str, Any] | None:
+        """The hand's distance from the trunk as a live number with its standard deviation; None where it is not known."""
+        told = self.told() or {}
+        if told.get("distance_mm") is None:
+            return None
+        return {"name": "place", "value": 0.1 * told["distance_mm"], "unit": "cm", "sd": 0.1 * told["sd_mm"]}
 
     def _begin(self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]) -> None:
         self._known, self._setting, self._state, self.latest, self.reason = (plate, worn), None, None, None, ""

@@ -1,7 +1,7 @@
 /** Live numbers of the task that runs or was just done. */
 import { h, whenChanged } from "../dom.js";
 import { valueWords } from "../words/clinical.js";
-import { known, t } from "../words/words.js";
+import { decimal, known, t } from "../words/words.js";
 
 export function mount(root, api, { station }) {
   const list = h("dl", {});
@@ -14,7 +14,7 @@ export function mount(root, api, { station }) {
           "div",
           {},
           h("dt", {}, known(`number.${what}.${n.name}`, null) ?? t(`number.${n.name}`)),
-          h("dd", {}, n.unit ? valueWords(what, n.value) : String(n.value)),
+          h("dd", {}, n.sd ? t("number.sure", sure(n)) : n.unit ? valueWords(what, n.value) : String(n.value)),
         ),
       );
       list.hidden = !rows.length;
@@ -23,4 +23,10 @@ export function mount(root, api, { station }) {
     },
   );
   return station.on("full", draw);
+}
+
+/** A value and its standard deviation with as many decimals as are told. */
+function sure({ value, sd, unit }) {
+  const digits = unit === "cm" ? 1 : 2;
+  return { value: decimal(value, digits), sd: decimal(Math.max(sd, 10 ** -digits), digits), unit };
 }

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from estimators.measures import lift
+from estimators.measures import in_hand, lift
 from estimators.measures.lift import Lift
 from estimators.quaternions import Array
 from estimators.samples import Block
@@ -50,8 +51,14 @@ def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
     assert 0.2 < np.mean(of_forces) < 1.5
 
 
+@cache
+def heavy() -> tuple[Simulated, Array]:
+    """0.44 kg off the table from 0.8 s of the task on, for five seconds."""
+    return done(3, mass=0.44)
+
+
 def test_figures_tell_the_phases_and_shares() -> None:
-    made, true = done(3, mass=0.44)
+    made, true = heavy()
     f = {figure.name: figure for figure in lift.figures(measured(made))}
     assert f["lift_count"].value == 1
     assert f["lift_load_hold"].value == pytest.approx(0.44 * 9.81, rel=0.08)
@@ -62,6 +69,23 @@ def test_figures_tell_the_phases_and_shares() -> None:
     assert f["lift_time_held"].value == pytest.approx(5.0, abs=0.25)
     assert f["thumb_force_share"].value + f["index_force_share"].value == pytest.approx(1.0)
     assert f["lift_work"].value == pytest.approx(0.44 * 9.81 * f["lift_height"].value, rel=0.15)
+
+
+def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> None:
+    made, _ = heavy()
+    moved = followed(made).trajectory
+    event = next(e for e in made.events if e.trial_type == "task")
+    assert in_hand.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None  # still on the table
+    so_far = in_hand.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
+    assert so_far is not None
+    assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
+    assert so_far.value[-1] == pytest.approx(0.44, abs=2.5 * so_far.sd[-1])
+    assert so_far.sd[-1] < 0.08
+    whole = lift.measure(lift.Params(), moved, event.onset, event.end)
+    curves = {c.name: c for c in lift.shown(whole).curves}
+    last = curves["mass"].y[np.isfinite(curves["mass"].y)][-1]
+    assert last == pytest.approx(whole.lifts[0].mass, rel=0.05)
+    assert (curves["mass_high"].y - curves["mass_low"].y)[-2] == pytest.approx(2 * whole.lifts[0].mass_sd, rel=0.4)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from estimators.errors import InputError
 from estimators.force import exchange, frequency_response, sensor
-from estimators.measures import squeeze
+from estimators.measures import in_hand, squeeze
 from estimators.measures.figure import Figure
 from estimators.simulation import held_object
 from estimators.simulation.held_object import Mishap
@@ -34,6 +34,9 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         surprise.append(((K.value - 600) / K.sd) ** 2)
         assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
         assert f["squeeze_coherence"].value > 0.95
+    so_far = in_hand.stiffness(followed(made).trajectory.between(0.0, made.events[-1].onset + 7.0), made.geometry)
+    assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
+    assert so_far.sd[-1] < 120.0
     assert np.mean(off) < 0.08
     assert np.mean(surprise) < 2.5
 
