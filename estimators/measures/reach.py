@@ -176,7 +176,8 @@ def figures(r: Reach) -> list[Figure]:
         scatter = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else None
         sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
         made.append(kind.of(mean, sd, *told))
-    return [*made, *reach_place.figures(r.where)]
+    of_place = reach_place.figures(r.where)
+    return [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]  # metres first, where there are any
 
 
 def shown(r: Reach) -> Shown:

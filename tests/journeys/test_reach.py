@@ -1,0 +1,85 @@
+"""Reaching with a magnet on the hand: led through the task, the hand's place shown meanwhile, figures in metres on the session page and in the report."""
+
+import io
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+from pypdf import PdfReader
+
+from tests.journeys.house import LONG, ROOT, Server, act, figure, keep_picture, new_patient, shown
+from tests.journeys.test_accessibility import looked_at
+
+pytestmark = pytest.mark.browser
+IN_METRES = (  # rows of the reach that only a magnet gives
+    "Distance reached",
+    "Way of the hand",
+    "Way over straight distance",
+    "Smoothness of the hand's way, SPARC",
+    "Lean of the trunk",
+    "Turn of the trunk",
+    "Trunk carried forward",
+    "Volume reached",
+)
+
+
+@pytest.fixture
+def with_a_magnet(tmp_path: Path) -> Iterator[Path]:
+    """A virtual glove with a plate of magnetometers on the trunk and a magnet on the hand."""
+    port = tmp_path / "glove"
+    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(port), "--hand", "left", "--strips", "thumb,index,trunk"]
+    with subprocess.Popen(words, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "glove with" in process.stdout.readline()
+        yield port
+        process.terminate()
+
+
+def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., Page], server: Server, with_a_magnet: Path) -> None:
+    page = another_page(scene=False, bypass_csp=True)
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    page.locator('input[name="hand"][value="left"]').check()
+    page.get_by_role("radio", name="Another port").check()
+    page.get_by_label("Port", exact=False).last.fill(str(with_a_magnet))
+    page.get_by_role("button", name="Start session").click()
+    page.wait_for_url("**/stations/*")
+    shown(act(page, "continue")).click()
+    shown(act(page, "start")).click()
+    shown(act(page, "accept")).click()
+    shown(page.get_by_label("Which tasks?")).select_option("reach")
+    shown(page.locator('[data-task="reach"]')).click()
+    shown(act(page, "start"))
+    shown(page.get_by_text("Distance from the trunk"))
+    keep_picture(page, "reach-ready")
+    looked_at(page, "reach, ready")
+    act(page, "start").click()
+    shown(page.get_by_text("Seconds left"))
+    page.wait_for_timeout(14_000)  # two reaches and back
+    keep_picture(page, "reach-running")
+    act(page, "stop").click()
+    shown(act(page, "accept")).click()
+    shown(act(page, "finish")).click()  # nothing is left undone: no question
+    page.wait_for_url("**/sessions/*")
+    _read(page)
+
+
+def _read(page: Page) -> None:
+    shown(page.get_by_role("heading", name="Reach", exact=True), 2 * LONG)
+    told = {name: figure(page, name) for name in IN_METRES}
+    assert all("±" in value for value in told.values()), told
+    distance, lean, forward = (
+        float(told[name].split(" ")[0]) for name in ("Distance reached", "Lean of the trunk", "Trunk carried forward")
+    )
+    assert abs(distance - 250) < 60  # mm, against the trunk, of a person who reaches 280 mm and leans by 0.3 rad a metre
+    assert abs(lean - 5) < 3
+    assert abs(forward - 34) < 20
+    keep_picture(page, "session-reach")
+    looked_at(page, "session, reach")
+    link = page.get_by_role("link", name="Report (PDF)").get_attribute("href")
+    pdf = page.request.get(f"{page.url.split('/sessions')[0]}{link}").body()
+    words = " ".join("".join(p.extract_text() for p in PdfReader(io.BytesIO(pdf)).pages).split())
+    assert [name for name in IN_METRES if name not in words] == []
+    assert told["Trunk carried forward"] in words
