@@ -11,8 +11,8 @@ from app.report.plots import ACCENT, GREY, HAIR, INK, axes_at, drawing, named, s
 from app.report.shown_panels import DOTS, Line, Panel
 from estimators.quaternions import Array
 
-WIDTH, HEIGHT = 165.0, 92.0  # pt of a panel
-LEFT, BOTTOM, TOP = 24.0, 21.0, 21.0  # pt for the numbers beside and below, and the words above
+WIDTH, HEIGHT = 165.0, 84.0  # pt of a panel
+LEFT, BOTTOM, TOP = 24.0, 21.0, 12.0  # pt for the numbers beside and below, and the words above
 LINES = (("-", 0.8, INK), ((0, (4, 1.5)), 0.8, ACCENT), ((0, (1, 1)), 0.7, GREY))
 BOUND = ((0, (1, 1)), 0.6, GREY)
 

@@ -29,7 +29,7 @@ function draw(row, panel, trial) {
     label: [trial, panel.title].filter(Boolean).join(": "),
     lines: panel.lines.map((line, k) => lineOf(panel, k, names.length > 1)),
     words: (value) => decimal(value, digits),
-    xWords: (value) => `${value} ${panel.x_unit}`,
+    xWords: (value) => (panel.x_unit === "s" ? `${value} s` : String(value)),
     air: 0,
     under: (drawn) => upright(drawn, panel.marks),
   });
