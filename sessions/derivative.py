@@ -21,7 +21,7 @@ from sessions.trajectory_table import table_of as table_of_trajectory
 def tree(processed: Processed, recording: LoadedRecording, method: str, params: Any, software: str) -> dict[str, Data]:
     """All files of the derivative by relative path."""
     folder, stem = _place(recording)
-    base = f"{folder}/{stem}_tracksys-handscope_desc-{method}"
+    base = f"{folder}/{stem}_tracksys-handscope_desc-{method.replace('-', '')}"  # BIDS: letters and digits only
     columns, table = table_of_trajectory(processed.trajectory)
     calibration = processed.calibrations[0]
     return {
