@@ -9,7 +9,7 @@ from app.api.roles import EVERY_ACCOUNT, may
 from app.api.sessions import NewResult
 from app.api.state import LanguageDep, PartsDep
 from app.protocols import offered
-from estimators.methods import ALL_METHODS
+from estimators.methods import OFFERED
 from estimators.options import describe
 
 router = APIRouter(tags=["methods"], dependencies=[may(*EVERY_ACCOUNT)])
@@ -25,7 +25,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
             "default": name == NewResult().method,
             "options": [asdict(d) for d in describe(m.Params)],
         }
-        for name, m in ALL_METHODS.items()
+        for name, m in OFFERED.items()
     ]
 
 
