@@ -28,6 +28,7 @@ BENCHES = {
     "cohort": "60 one-minute recordings by m2 on one process and on two: parallel efficiency",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "load": "stations x viewers until the 99th percentile of latency is beyond 80 ms; how much of the machine and of the server's process is used",
+    "map_live": "the experiment map-live beside ekf on free movement of a whole hand: lag, time of a step, errors of angles and tips",
     "pages": "data of every page with 1,000 patients and 10,000 sessions: time until it is there",
     "reach_and_hold": "a minute with the magnet, an object lifted with force sensors at 12 and 100 Hz: times real time",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
