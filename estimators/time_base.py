@@ -5,6 +5,7 @@ Out     q_GS of every segment at every sample of the reference stream, as soon a
 Limits  a silent stream holds the rows up until `release` leaves it behind: its segments are then held and marked missing
 """
 
+from bisect import bisect_left, bisect_right  # of a few samples; numpy's search would hand the interpreter to another thread each time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -126,7 +127,7 @@ def _give(state: State, patience: float) -> tuple[State, Rows]:
     slowest = min(w.newest for w in state.waiting.values())
     reached = max(slowest, newest - patience)
     reference = state.waiting[state.reference]
-    first, last = (int(reference.data.t.searchsorted(at, side="right")) for at in (state.t, reached))
+    first, last = (bisect_right(reference.data.t, at) for at in (state.t, reached))
     t = reference.data.t[first:last][reference.data.sampled[first:last]]
     if not len(t):
         return state, _no_rows()
@@ -145,7 +146,7 @@ def _place(rows: Rows, waiting: Waiting) -> None:
     data, t = waiting.data, rows.t
     if not count or not len(t) or not len(data.t):
         return
-    first = int(data.t.searchsorted(t[0]))
+    first = bisect_left(data.t, t[0])
     own = slice(first, first + len(t))
     if np.array_equal(data.t[own], t):  # the stream has samples at just these instants: the same bits without interpolation
         rows.q_GS[:, segments], rows.flags[:, segments] = data.q_GS[own, sensors], data.flags[own, sensors]
@@ -193,7 +194,7 @@ def _append(a: Oriented, b: Oriented) -> Oriented:
 
 def _prune(waiting: Waiting, t: float) -> Waiting:
     """Forget what lies before the last sample not after t."""
-    first = max(int(waiting.data.t.searchsorted(t, side="right")) - 1, 0)
+    first = max(bisect_right(waiting.data.t, t) - 1, 0)
     return Waiting(waiting.stream, Oriented(*(values[first:] for values in _of(waiting.data))))
 
 

@@ -1,6 +1,7 @@
 """`handscope serve`: pages, API and 3-D scene on one port."""
 
 import argparse
+import gc
 import logging
 import os
 import signal
@@ -160,6 +161,8 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         proxy_headers=False,
     )
     sys.setswitchinterval(SWITCH)
+    gc.collect()
+    gc.freeze()  # what is loaded stays: going through all of it, as the collector does now and then, holds every thread up for 0.2 to 0.4 s
     server = _Server(config, announce)
     server.run(sockets=[listener])
     if server.interrupted:

@@ -195,12 +195,12 @@ class Station:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
 
     def _posed(self, rows: Trajectory) -> None:
-        """In the tracker's thread: draw the newest pose, remember the curve."""
+        """In the tracker's thread: remember the curve, tell of the newest pose, draw it."""
         self.latest = rows
-        if time.monotonic() - self._drawn >= DRAWN:
-            self._draw_hand()
         self.curve.add(rows)
         self._viewers.notify()
+        if time.monotonic() - self._drawn >= DRAWN:
+            self._draw_hand()
 
     def _draw_hand(self) -> None:
         """The newest pose; a tick draws the last one, which no other follows."""

@@ -4,6 +4,7 @@ The recording's time is the base unit's clock from its first sample on. Other cl
 the base unit sent their samples on; after the device began again, the host's arrival times carry the time on.
 """
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -259,7 +260,7 @@ class Assembler:
         t = self._times(samples, reading.info, arrival)
         if reading.info.clock != 0 and samples.count and 0 <= newest - t[0] < SET_BACK:
             t = np.maximum(t, newest + 1e-6 * np.arange(1, samples.count + 1))
-        stale = int(np.searchsorted(t, newest, side="right"))  # a clock that jumped back must not make time run backwards
+        stale = bisect_right(t, newest)  # a clock that jumped back must not make time run backwards
         self._count(name, samples, stale)
         if stale < samples.count:
             self._newest[name] = float(t[-1])
