@@ -1,5 +1,6 @@
 """One step of one sample, as a live view takes it when samples come one by one: five fingers (16 sensors) at 200 Hz, m2 and ekf."""
 
+import gc
 import time
 
 import numpy as np
@@ -22,6 +23,8 @@ def measure() -> list[Metric]:
         calibration = calibrate(params, recording)[0][0]
         samples = recording.samples["imu"].between(calibration.t, np.inf)
         state, took = method.start(params, calibration, recording.streams), []
+        gc.collect()
+        gc.freeze()  # as the server does once it is loaded
         for sample in Block(samples.stream, samples.t[:STEPS], samples.values[:STEPS]).parts(1):
             began = time.perf_counter()
             state, _ = method.step(params, state, sample)
