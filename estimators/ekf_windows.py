@@ -89,12 +89,11 @@ def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Ar
         block(-1.0, R_cp, 3 * j, 3 * j, G)
         for a in range(3):
             G[3 * j + a, 3 * j + 3 + a] = 1.0
-    Q, across, of_angles, of_noise = np.zeros((12, 12)), np.empty((9, P.shape[0])), np.empty((9, 9)), np.empty((9, 9))
+    Q, across, of_noise = np.zeros((12, 12)), np.empty((9, P.shape[0])), np.empty((9, 9))
     for k in range(12):
         w, x, y, z = T[k // 3, 0], T[k // 3, 1], T[k // 3, 2], T[k // 3, 3]
         angle = 2 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
         Q[k, k] = p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + doubt[k // 3]
-    spread(F, P, of_angles)
     spread(G, Q, of_noise)
     product(F, P, across)
     put(P, P_new)
@@ -102,8 +101,12 @@ def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Ar
         for k in range(P.shape[0]):
             P_new[i, k] = P_new[k, i] = across[i, k]
     for i in range(9):
-        for k in range(9):
-            P_new[i, k] = of_angles[i, k] + of_noise[i, k]
+        for k in range(i + 1):
+            of_angles = 0.0
+            for j in range(21):
+                if F[k, j] != 0.0:
+                    of_angles += across[i, j] * F[k, j]
+            P_new[i, k] = P_new[k, i] = of_angles + of_noise[i, k]
     for k in range(9, 21):
         P_new[k, k] += p[BIAS_WALK] ** 2 * span
     if p[MAG_ERROR] > 0:

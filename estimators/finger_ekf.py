@@ -12,6 +12,7 @@ Limits  noise that is correlated in time is taken as white noise that is larger;
 import math
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,7 +197,7 @@ def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, 
     known_before = state.q_pc, state.bias, state.seat, state.skin, state.apart, state.P, state.up, state.rest, state.crept
     *found, q_joint, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
     names = ("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept")
-    return replace(_window_open(state), **dict(zip(names, found))), q_joint, of_joints
+    return replace(state, **_opened(state), **dict(zip(names, found))), q_joint, of_joints
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s),(j,q),(s,q),(j,v)->(n,j,q),(s,q),(s,v,v),(s),(s)")
@@ -368,12 +369,13 @@ def _settled(numbers: Array, state: State) -> State:
     """The open window's end becomes the state; the covariance goes along."""
     q_pc, P = ekf_windows.carried(numbers, _span(state), state.turned, state.by_bias, state.doubt, state.q_pc, state.P)
     apart = np.stack([state.apart[:, 0] * ekf_windows.alike(numbers, state.turned), state.apart[:, 1]], axis=1)
-    return replace(_window_open(state), q_pc=q_pc, apart=apart, P=P)
+    return replace(state, **_opened(state), q_pc=q_pc, apart=apart, P=P)
 
 
-def _window_open(state: State) -> State:
+def _opened(state: State) -> dict[str, Any]:
+    """A new window begins with the newest sample."""
     by_bias, bias_time, doubt = _nothing(len(state.q_pc))
-    return replace(state, t=state.newest, turned=_still(len(state.q_pc)), by_bias=by_bias, bias_time=bias_time, doubt=doubt)
+    return {"t": state.newest, "turned": _still(len(state.q_pc)), "by_bias": by_bias, "bias_time": bias_time, "doubt": doubt}
 
 
 def _still(chains: int) -> Array:

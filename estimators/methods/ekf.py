@@ -193,7 +193,7 @@ def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Tr
     q_pc = _by_joint(JOINTS_OF, found.q_joint, samples.known, np.zeros(len(JOINTS)))
     pose = hand_pose.posed(q_pc, q_GB, state.calibration.geometry, params.constraints)
     sure = _sure(params, state, found, pose)
-    newest = np.searchsorted(found.told, np.arange(len(rows.t)), side="right")
+    newest = found.told.searchsorted(np.arange(len(rows.t)), side="right")
     lost = sure.lost[newest] & ((rows.flags & LOST) != 0)
     moved = Trajectory(
         state.calibration.hand,
