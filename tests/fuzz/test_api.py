@@ -1,4 +1,5 @@
-"""The API by its own description: whatever its schema allows, and what it does not, is answered without a 500 and writes in the data folder only."""
+"""The API by its own description: whatever its schema allows, and what it does not, asked by anybody, is answered without a 500 and writes in the data
+folder only; who may not have it gets nothing."""
 
 import json
 import os
@@ -17,7 +18,7 @@ from app.api.access import new_token
 from app.server import create_app
 from app.settings import Settings
 from app.version import software_version
-from sessions import patients, records, results
+from sessions import accounts, patients, records, results
 from sessions.motion_bids import writer
 from sessions.store import Store, open_store
 from tests.fuzz.targets import seeds, writes_within
@@ -26,6 +27,9 @@ from tests.simulated import loaded, pose_and_wiggle
 schemathesis = pytest.importorskip("schemathesis", reason="schemathesis is not installed: make lock, then make check")
 ROUNDS = int(os.environ.get("HANDSCOPE_API_ROUNDS", "4"))  # of each route; `make fuzz` takes more
 NUMBERS = st.sampled_from([1, 1, 1, 2, 3, 0, -1, 2**31, 2**63, 10**30])  # of patients, sessions, ...: mostly of one that is there
+WHO = st.sampled_from(["local", "local", "scientist", "administrator", "nobody"])
+OPEN = {"/api/login", "/api/health"}  # without a login
+TYPED = "zinnober"  # stands wherever a person typed something about the patient
 FEW = {"POST /api/patients/{patient_id}/sessions": 2}  # each starts a process
 NAMES = st.one_of(st.sampled_from(["r.zip", "../../r.zip", "/tmp/r.mcap", "r.mcap\0", "", "."]), st.text(max_size=20))
 
@@ -36,8 +40,12 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site") / "data"
     store = open_store(folder)
     with store.database() as db:
-        patient = patients.create(db, "P-1", note="a note")
-        session = records.add_upload(db, store, patient, _incoming(store), "r.zip", None)
+        patient = patients.create(db, "P-1", note=f"{TYPED} note")
+        for name in ("first", "second", "third"):  # theirs are the numbers asked for most: they lose roles and are closed
+            accounts.add(db, name, ["clinician"])
+        for role in ("scientist", "administrator"):
+            accounts.add(db, role, [role])
+        session = records.add_upload(db, store, patient, _incoming(store), f"{TYPED}.zip", None)
         made = [results.wanted(db, session.recordings[0], method, {}, software_version()).id for method in ("m2", "b")]
     for number in made:
         making.make(store, number)
@@ -53,22 +61,25 @@ def client(data: Path) -> Iterator[TestClient]:
 
 def test_whatever_is_asked_of_the_api_is_answered(client: TestClient, data: Path) -> None:
     schema, asked, bad_answers = schemathesis.openapi.from_dict(client.app.openapi()), 0, list[str]()  # type: ignore[attr-defined]
+    cookies: dict[str, str] = {}
     for operation in (found.ok() for found in schema.get_all_operations()):
         good, bad = (operation.as_strategy(generation_mode=mode) for mode in schemathesis.GenerationMode)
         rounds = FEW.get(operation.label, ROUNDS)
 
         @settings(max_examples=rounds, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
-        @given(case=st.one_of(good, bad), number=NUMBERS, raw=st.binary(max_size=40), name=NAMES, how=st.integers(0, 9))
-        def ask(case: Any, number: int, raw: bytes, name: str, how: int) -> None:
+        @given(case=st.one_of(good, bad), who=WHO, number=NUMBERS, raw=st.binary(max_size=40), name=NAMES, how=st.integers(0, 9))
+        def ask(case: Any, who: str, number: int, raw: bytes, name: str, how: int) -> None:
             nonlocal asked
-            if client.get("/api/stations").status_code == 401:  # it was asked to log out
-                client.post("/api/login", json={"token": new_token(data)})
+            _be(client, data, cookies, who)
             path, query, body = _path(case, number, how), _query(case), _body(case, raw, name, how)
             with writes_within(data):
                 answer = client.request(case.method, path, params=query, **body)
             asked += 1
             if answer.status_code >= 500 and answer.status_code != 507:
-                bad_answers.append(f"{case.method} {answer.request.url} {str(body)[:300]}: {answer.status_code}")
+                bad_answers.append(f"{who}: {case.method} {answer.request.url} {str(body)[:300]}: {answer.status_code}")
+            if told := _not_for(who, str(case.path), answer.status_code, answer.text):
+                bad_answers.append(f"{who}: {case.method} {answer.request.url} {str(body)[:300]}: {told}")
+            _be(client, data, cookies, "local")
             stations = client.get("/api/stations")
             for station in stations.json() if stations.status_code == 200 else ():
                 client.delete(f"/api/stations/{station['station']}")
@@ -76,6 +87,28 @@ def test_whatever_is_asked_of_the_api_is_answered(client: TestClient, data: Path
         ask()
     assert bad_answers == []
     assert asked > 30 * ROUNDS
+
+
+def _be(client: TestClient, data: Path, cookies: dict[str, str], who: str) -> None:
+    """Ask as this account from now on, logged in anew where it was asked to log out; nobody has no login."""
+    client.cookies.clear()
+    if who == "nobody":
+        return
+    if who in cookies:
+        client.cookies.set("handscope", cookies[who])
+    if who not in cookies or client.get("/api/account").status_code == 401:
+        client.cookies.clear()
+        assert client.post("/api/login", json={"token": new_token(data, who)}).status_code == 204
+        cookies[who] = client.cookies["handscope"]
+
+
+def _not_for(who: str, path: str, status: int, text: str) -> str:
+    """What an answer gave that is not for those who asked; empty where nothing."""
+    if who == "nobody" and path not in OPEN and status not in (401, 404, 405):
+        return f"{status} without a login"
+    if who == "administrator" and path.startswith(("/api/patients", "/api/sessions", "/api/stations", "/api/results")) and status < 400:
+        return f"{status}: patients are not an administrator's"
+    return "words that somebody typed" if who in ("scientist", "nobody") and TYPED in text else ""
 
 
 def _incoming(store: Store) -> Path:
