@@ -82,7 +82,7 @@ class Whereabouts:
         told = self.told() or {}
         if told.get("distance_mm") is None:
             return None
-        return {"name": "place", "value": 0.1 * told["distance_mm"], "unit": "cm", "sd": 0.1 * told["sd_mm"]}
+        return {"name": "place", "value": told["distance_mm"] / 10, "unit": "cm", "sd": told["sd_mm"] / 10}
 
     def _begin(self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]) -> None:
         self._known, self._setting, self._state, self.latest, self.reason = (plate, worn), None, None, None, ""

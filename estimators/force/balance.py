@@ -21,7 +21,7 @@ def rest_along_push(force: Array, acc: Array, covariance: Array, sd: Array, scal
     """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where nobody pushes against another."""
     S = force.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        up = np.nanmean(acc, axis=1)
+        up = np.nansum(acc, axis=1)
         up = up / np.linalg.norm(up, axis=1, keepdims=True)
         push = force[:, 0] - force[:, 1:].sum(axis=1)
         level = push - (push * up).sum(axis=1, keepdims=True) * up

@@ -87,7 +87,8 @@ def step(state: Recursive, t: float, y: Array, H: Array, sd: float, memory: floa
     S = H @ P @ H.T + sd**2 * np.eye(len(y))
     missed = y - H @ state.theta
     gain = np.linalg.solve(S, H @ P).T
-    P = P - gain @ H @ P
+    left = np.eye(len(P)) - gain @ H
+    P = left @ P @ left.T + sd**2 * gain @ gain.T  # Joseph's form: from a prior this vague the plain one ends below zero
     P = 0.5 * (P + P.T)
     share = 1 - keep if np.isfinite(memory) else 0.05
     surprise = state.surprise + max(share, 0.02) * (float(missed @ np.linalg.solve(S, missed)) / len(y) - state.surprise)

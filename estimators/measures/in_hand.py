@@ -26,8 +26,8 @@ def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     moving = np.flatnonzero(np.abs(h.speed) > params.moving) if h is not None and np.isfinite(h.speed).all() else np.empty(0, int)
     if h is None or not len(moving):
         return None
-    goes_on = h.t[-1] > trajectory.t[-1] - params.shortest
-    last = np.inf if goes_on else h.t[moving[-1]] - params.margin
+    up = h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted  # neither let go nor back on the table
+    last = np.inf if up else h.t[moving[-1]] - params.margin
     used = (h.t >= h.t[moving[0]] + params.margin) & (h.t <= last) & np.isfinite(h.forces).all(axis=(1, 2))
     if used.sum() < LEAST or _unsure(h, used) or h.height[used].max() < params.lifted:
         return None

@@ -57,7 +57,7 @@ def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., P
     looked_at(page, "reach, ready")
     act(page, "start").click()
     shown(page.get_by_text("Seconds left"))
-    page.wait_for_timeout(14_000)  # two reaches and back
+    page.wait_for_timeout(10_000)  # two reaches
     keep_picture(page, "reach-running")
     act(page, "stop").click()
     shown(act(page, "accept")).click()

@@ -81,6 +81,9 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
     assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
     assert so_far.value[-1] == pytest.approx(0.44, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 0.08
+    for later in (6.4, 6.8, 7.2):  # on its way down, back on the table, let go
+        told = in_hand.mass(moved.between(0.0, event.onset + later), made.geometry)
+        assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), later
     whole = lift.measure(lift.Params(), moved, event.onset, event.end)
     curves = {c.name: c for c in lift.shown(whole).curves}
     last = curves["mass"].y[np.isfinite(curves["mass"].y)][-1]
@@ -113,6 +116,16 @@ def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None
     assert found.grade == "poor"
     assert said in found.reason
     assert [one for one in found.lifts if np.isfinite(one.mass)] == []
+
+
+def test_a_third_finger_that_carries_a_seventh_is_told_and_the_mass_is_as_unsure_as_it_is_wrong() -> None:
+    made, _ = done(4, mass=0.44, mishap=Mishap(third=0.15))
+    found = measured(made)
+    assert found.grade == "fair"
+    assert "another finger or something else may carry part of the load" in found.reason
+    (one,) = found.lifts
+    assert one.mass == pytest.approx(0.44, abs=2.5 * one.mass_sd)
+    assert one.mass_sd / one.mass > 0.1
 
 
 def test_a_slip_is_told_and_the_mass_stays() -> None:
