@@ -43,10 +43,9 @@ def main(people: int) -> None:
                 if np.isfinite(one.mass):
                     errors.append(100 * (one.mass / mass - 1))
                     surprise.append(((one.mass - mass) / one.mass_sd) ** 2)
-        print(
-            f"share {share:.1f}: said of {said} of {people}, no mass of {people - len(errors)}; error {np.mean(errors):.1f} +- {np.std(errors):.1f} %, "
-            f"normalised error squared {np.mean(surprise):.2f}"
-        )
+        told = f"error {np.mean(errors):.1f} +- {np.std(errors):.1f} %, normalised error squared {np.mean(surprise):.2f}"
+        sys.stdout.write(f"share {share:.1f}: said of {said} of {people}, no mass of {people - len(errors)}; {told}\n")
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
