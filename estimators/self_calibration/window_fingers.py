@@ -25,7 +25,7 @@ from estimators.self_calibration.sliding_window import Slid, Window
 from estimators.self_calibration.solver import Solution
 
 MISFIT = 10.0  # usual errors of joints' accelerations: beyond, what was found is of no hand
-EVERY = 10  # steps from one standard deviation to the next: they change slowly
+EVERY = 25  # steps from one standard deviation to the next: they change slowly
 ROUNDING = 1e-9  # of a variance
 FIRST = (1, 2, 5)  # steps behind a beginning at which they change fast
 
