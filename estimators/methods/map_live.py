@@ -28,13 +28,21 @@ TITLE = "experiment, not for patients: self-calibration in a sliding window, one
 NEEDS_POSE = True
 NODES, LEAST = 20, 3  # that a window takes at a time: 0.2 s; that it begins with
 LOST_SD = np.radians(60.0)  # of a heading that was lost
+UNPOSED = 1.0  # rad: without a pose no joint is known to have been straight
 DECISION = "ours: docs/decisions/0007-map-live.md"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params(ekf.Params, Noise):
-    window: float = option(0.6, "s", "length of the window", DECISION, least=0.5, most=5.0)
+    window: float = option(0.6, "s", "length of the window", DECISION, least=0.6, most=5.0)
     lag: float = option(0.1, "s", "how far behind the newest sample of the window the hand is given out", DECISION, most=0.3)
+    length: float = option(
+        2.0,
+        "mm",
+        "how far the given lengths of segments may be off",
+        "Salchow-Hoemmen 2019, 5: ratios vary by a few percents; size ours. The pose tells nothing of them, unlike 40 s of map",
+        least=1e-3,
+    )
     straight: float = option(
         2.0,
         "deg",
@@ -106,12 +114,13 @@ def _nodes(params: Params, state: State, count: int) -> State:
     """All fingers with so many nodes more."""
     readings, nodes = live_readings.given(state.readings, count, params.max_gap)
     dt = readings.period * readings.each
+    calibration, lag = state.filter.calibration, round(params.lag / dt)
     setting = Setting(
         Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)}),
-        state.filter.calibration,
-        round(params.window / dt),
-        round(params.lag / dt),
-        np.radians(params.straight),
+        calibration,
+        max(round(params.window / dt), lag + NODES + 2),
+        lag,
+        np.radians(params.straight) if calibration.source.startswith("initial pose") else UNPOSED,
         params.length_sd,
     )
     k = min(int(np.searchsorted(state.rows.t, nodes.t[0])), len(state.rows) - 1)
