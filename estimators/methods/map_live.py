@@ -99,15 +99,25 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
 def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Trajectory]:
     """Take what the filter made of new samples; windows go on as soon as there are nodes enough."""
     hand, given = state.rows.hand, []
+    if not np.isfinite(state.readings.begin):  # the stream that sets the pace is silent: there are no nodes
+        return state, rows
     if len(rows):
         state = replace(state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1]))
-    while live_readings.ready(state.readings, state.reached) >= NODES:
+    while live_readings.ready((state := _resumed(state)).readings, state.reached) >= NODES:
         state = _nodes(params, state, NODES)
         newest = state.readings.taken - 2
         known = float(state.readings.instants(newest, newest + 1)[0]) - params.lag
         given.append(_given_out(params, state, state.rows.between(-np.inf, known)))
         state = replace(state, rows=state.rows.between(known, np.inf))
     return state, trajectory.join(given, hand)
+
+
+def _resumed(state: State) -> State:
+    """Where nothing came for long, windows begin again behind it."""
+    readings = live_readings.resumed(state.readings, float(state.rows.t[0])) if len(state.rows) else state.readings
+    if readings is state.readings:
+        return state
+    return replace(state, readings=readings, fingers=tuple(window_fingers.given_up(f) for f in state.fingers))
 
 
 def _nodes(params: Params, state: State, count: int) -> State:

@@ -17,6 +17,7 @@ from estimators.samples import ACC, GYR, Block, Stream, every
 from estimators.self_calibration.recordings import DOUBTFUL, RATE
 
 ROUNDED = 1e-6  # of a period
+SILENT = 2.0  # s
 KEPT = 1.0  # s of samples behind the last node: more than a gap that is bridged
 
 
@@ -77,6 +78,7 @@ def taken(state: State, block: Block) -> State:
             np.concatenate([before.clipped, new.clipped]),
         )
     begin = float(block.t[0]) if block.stream.name == state.reference and not np.isfinite(state.begin) else state.begin
+    new = new if np.isfinite(begin) else _pruned(new, float(block.t[-1]))
     return replace(state, begin=begin, waiting={**state.waiting, block.stream.name: new})
 
 
@@ -85,6 +87,12 @@ def ready(state: State, reached: float) -> int:
     if not reached > state.begin:
         return 0
     return max(0, int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each) - state.taken)
+
+
+def resumed(state: State, t: float) -> State:
+    """Behind a silence of all streams nodes go on at t (s), where that is more than SILENT later than the next."""
+    nodes = int((t - state.begin) / (state.period * state.each)) if t > state.begin + SILENT else 0
+    return replace(state, taken=nodes) if (nodes - state.taken) * state.period * state.each > SILENT else state
 
 
 def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:

@@ -72,7 +72,7 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
     """With some nodes more, at least three; where a window begins the sensors are at the first of them as `q_GS` (segments, 4) has them, to `sd` (segments,) rad."""
     rows = [SEGMENT[s] for s in finger.chain.sensors]
     if nodes.lost[:, rows].any() or not np.isfinite(nodes.values[:, rows]).all():
-        return _given_up(finger)
+        return given_up(finger)
     read = _readings(nodes, rows)
     try:
         if finger.window is None:
@@ -93,17 +93,17 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
     return _told(setting, finger, slid)
 
 
+def given_up(finger: Finger) -> Finger:
+    """A sensor is silent: what is known of parameters stays."""
+    return Finger(finger.name, finger.chain, known=finger.window or finger.known)
+
+
 def sized(geometry: HandGeometry, finger: str, found: Mapping[str, float], off: float = 0.0) -> HandGeometry:
     """A hand with these lengths of a finger; the others are off by a share, the last phalanx grows as its finger did."""
     links = CHAINS[finger]
     grown = sum(found.values()) / sum(geometry.lengths[s] for s in found) if found else 1.0
     rest = {s: geometry.lengths[s] * (1 + off) * (grown if s == links[-1] else 1.0) for s in links if s not in found}
     return replace(geometry, lengths={**geometry.lengths, **found, **rest})
-
-
-def _given_up(finger: Finger) -> Finger:
-    """A sensor is silent: what is known of parameters stays."""
-    return Finger(finger.name, finger.chain, known=finger.window or finger.known)
 
 
 def _begun(setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Array, in_pose: bool) -> Window:

@@ -107,6 +107,15 @@ def test_samples_that_fit_no_hand_widen_what_is_told_or_leave_it_to_the_filter()
     assert np.sqrt(np.mean(_in_deviations(stepped(shaken, list(shaken.blocks()))) ** 2)) < 2
 
 
+def test_an_hour_of_silence_costs_nothing() -> None:
+    made = recording()
+    later = {n: Block(b.stream, np.where(b.t < 4.5, b.t, b.t + 3600.0), b.values) for n, b in made.samples.items()}
+    moved = stepped(made, [b for block in later.values() for b in (block.between(0, 4.5), block.between(4.5, np.inf))])
+    assert len(moved) == len(whole())
+    assert np.isfinite(moved.angles[:, JOINT["index_pip"], 0]).all()
+    assert (moved.flags[moved.t > 3600.0][:, SEGMENT["index_middle"]] & Flag.HEADING_LOST).any()
+
+
 def _in_deviations(moved: Trajectory) -> np.ndarray:
     """Errors of the index finger's flexions (n, 3) in their standard deviations."""
     joints = [JOINT[j] for j in ("index_mcp", "index_pip", "index_dip")]
