@@ -24,10 +24,10 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.run import run
 from estimators.samples import Block, Recording
-from estimators.self_calibration import certainty, first_guess, hand_solver, posterior, recordings, segments, solver, steadiness
-from estimators.self_calibration.certainty import DRAWS, Certainty
-from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, measured, posed
-from estimators.self_calibration.segments import Segments
+from estimators.self_calibration import certainty, findings, first_guess, hand_solver, posterior, recordings, segments, solver, words
+from estimators.self_calibration.certainty import DRAWS
+from estimators.self_calibration.findings import Asked, Finger
+from estimators.self_calibration.problem import Noise, Unknowns, chain, columns, measured, posed
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
 
@@ -37,22 +37,14 @@ BEGUN = "map is an experiment (docs/methods.md)"
 ALONE = "the whole hand as one problem did not come to an end: each finger is as it was found alone, with the hand"
 TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
 SHARE = 0.6  # of the time, for which fingers are solved one by one
-
-
-ROUNDED = 0.05  # s, as durations are said
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(salchow.Params, Noise):
+class Params(salchow.Params, Noise, Asked):
     longest: float = option(
         60.0, "s", "longest stretch that is calibrated from: the one with most movement", "ours: the thesis' 40 s and some more", least=5.0
     )
-    shortest: float = option(
-        10.0, "s", "shortest stretch of free movement that may calibrate", "ours: below, lengths are not known within 2 %", least=3.0
-    )
-    moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
-    bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
     length_guess: float = option(
         0.05,
         "1",
@@ -62,20 +54,6 @@ class Params(salchow.Params, Noise):
     tracked: float = option(
         2.0, "deg", "standard deviation that tracking adds before and after the stretch", "docs/reproduction.md, Table 6, m2: 1.8"
     )
-    length_known: float = option(
-        0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
-    )
-
-
-@dataclass(frozen=True)
-class Finger:
-    """What one finger was found to be."""
-
-    name: str
-    t: Array  # (n,) s
-    solution: Solution
-    segments: Segments
-    sure: Certainty
 
 
 def solve(
@@ -101,7 +79,7 @@ def solve(
     if not fingers:
         raise InputError(said[0] if said else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges")
     fingers, of_hand = _together(params, recording, fingers, progress)
-    said += [*of_hand, *(word for finger in fingers for word in _told(params, finger))]
+    said += [*of_hand, *(word for finger in fingers for word in words.told(params, finger))]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     return _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers), [calibration], said
@@ -114,17 +92,10 @@ def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> t
     if said:
         longest = max(said, key=lambda e: e.duration)
         start, stop = max(start, longest.onset), min(stop, longest.end)
-    _require_length(params, stop - start, "")
+    words.require_length(params, stop - start, "")
     start, stop = recordings.gapless(blocks, start, stop)
-    _require_length(params, stop - start, " between gaps in the samples")
+    words.require_length(params, stop - start, " between gaps in the samples")
     return recordings.liveliest(blocks, start, stop, params.longest)
-
-
-def _require_length(params: Params, duration: float, where: str) -> None:
-    if duration < params.shortest - ROUNDED:
-        raise InputError(
-            f"there are {max(duration, 0.0):.1f} s of movement{where}, self-calibration needs {params.shortest:g} s, better 40 s; move hand and fingers freely for longer"
-        )
 
 
 def _calibrated(
@@ -137,7 +108,7 @@ def _calibrated(
         t, read = recordings.readings(blocks, links.sensors, start, stop)
     except LookupError as silent:
         raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; this finger is not calibrated") from None
-    _require_movement(params, finger, read)
+    words.require_movement(params, finger, read)
     guess = first_guess.unknowns(links, noise, read)
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
     found = solver.learnt(
@@ -146,7 +117,7 @@ def _calibrated(
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    _require_one_minimum(finger, found)
+    words.require_one_minimum(finger, found)
     return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
 
 
@@ -197,21 +168,6 @@ def _sized(geometry: HandGeometry, chain: Sequence[str], found: Mapping[str, flo
     return replace(geometry, lengths={**geometry.lengths, **found, **rest})
 
 
-def _require_one_minimum(finger: str, found: Solution) -> None:
-    """InputError where a sensor slipped or the solver did not come to an end: what was found then is of no hand."""
-    slipped = steadiness.slips(found)
-    if slipped:
-        first = slipped[0]
-        raise InputError(
-            f"{finger}: the sensor of {first.sensor} sat differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
-            f" {np.degrees(first.tilt):.0f} deg); fix it and record again; this finger is not calibrated"
-        )
-    if found.outcome != "converged":
-        raise InputError(
-            f"{finger}: the calibration did not come to an end; record 40 s of free movement again; this finger is not calibrated"
-        )
-
-
 def _part(progress: Callable[[float], None], begun: float, share: float) -> Callable[[float], None]:
     return lambda done: progress(begun + share * done)
 
@@ -219,69 +175,6 @@ def _part(progress: Callable[[float], None], begun: float, share: float) -> Call
 def _heard(progress: Callable[[float], None], share: float) -> bool:
     progress(share)
     return True
-
-
-def _require_movement(params: Params, finger: str, read: Readings) -> None:
-    turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
-    if turning < params.moving:
-        raise InputError(
-            f"{finger}: it turned at {turning:.0f} deg/s on average ({params.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
-        )
-
-
-def _told(params: Params, finger: Finger) -> list[str]:
-    """What a person should know of the result."""
-    found, said = finger.solution, []
-    links = found.problem.chain
-    for k, joint in enumerate(links.joints):
-        extent = float(np.degrees(np.ptp(np.percentile(found.problem.bent[:, k], [1, 99]))))
-        if extent < params.bent:
-            said.append(
-                f"{joint} was bent by {extent:.0f} deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
-            )
-    said += _doubted(found.problem)
-    for segment, length in finger.segments.lengths.items():
-        if not _known(params, finger, segment):
-            sd = finger.segments.lengths_sd[segment]
-            said.append(
-                f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
-            )
-    return said
-
-
-def _doubted(problem: Problem) -> list[str]:
-    """What was given and is not so."""
-    said = []
-    for name, seat_sd, length, length_sd in zip(problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd):
-        if length_sd > 1e-3 * problem.noise.length:
-            said.append(
-                f"the length of {name} was given as {1e3 * length:.0f} mm, movement says otherwise by {1e3 * length_sd:.0f} mm: measure it again; what movement says is used"
-            )
-        if seat_sd > np.radians(problem.noise.mounting):
-            said.append(
-                f"the sensor of {name} sits {np.degrees(seat_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
-            )
-    return said
-
-
-def _known(params: Params, finger: Finger, segment: str) -> bool:
-    length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
-    joints = finger.solution.problem.chain.joints
-    beside = [k for k, j in enumerate(joints) if segment in (_parent(finger, k), _child(finger, k))]
-    bent = all(np.ptp(np.percentile(finger.solution.problem.bent[:, k], [1, 99])) >= np.radians(params.bent) for k in beside)
-    return sd < params.length_known * length and bent
-
-
-def _parent(finger: Finger, k: int) -> str:
-    """The segment before joint k."""
-    links = finger.solution.problem.chain
-    return str(links.sensors[links.parents[k]])
-
-
-def _child(finger: Finger, k: int) -> str:
-    """The segment behind joint k."""
-    links = finger.solution.problem.chain
-    return str(links.sensors[links.children[k]])
 
 
 def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], worn: set[str]) -> Calibration:
@@ -313,7 +206,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         p_BS_sd=_first_of(fingers, lambda f: _places_sd(params, f, geometry)),
         gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
         acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
-        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if _known(params, f, s)},
+        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if findings.known(params, f, s)},
     )
 
 
@@ -347,7 +240,7 @@ def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) 
     """Lengths that were found; a last phalanx grows as its finger did."""
     lengths = dict(geometry.lengths)
     for finger in fingers:
-        known = {s: v for s, v in finger.segments.lengths.items() if _known(params, finger, s)}
+        known = {s: v for s, v in finger.segments.lengths.items() if findings.known(params, finger, s)}
         if known:
             lengths[CHAINS[finger.name][-1]] *= sum(known.values()) / sum(geometry.lengths[s] for s in known)
         lengths |= known
