@@ -6,11 +6,11 @@ Source  solver.py, posterior.py for one limb
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.self_calibration import hand_equations, hand_problem, posterior
+from estimators.self_calibration import covariance, hand_equations, hand_problem, posterior
 from estimators.self_calibration.hand_equations import HandFactor, HandNormal
 from estimators.self_calibration.hand_problem import HandPlace, HandProblem
 from estimators.self_calibration.normal_equations import Factor
@@ -35,7 +35,27 @@ def solve(
     problem, start = hand_problem.gathered([s.problem for s in alone], noise), hand_problem.merged([s.at for s in alone])
     way = down(Ground(hand_problem.rebent, hand_equations.cost, _sloped), problem, start, limits, go_on)
     normal = hand_equations.built(way.problem, way.at)
-    return HandSolution(way.problem, way.at, way.outcome, way.costs, normal, hand_equations.factored(normal))
+    factor = _honest(way.problem, way.at, hand_equations.factored(normal), alone)
+    return HandSolution(way.problem, way.at, way.outcome, way.costs, normal, factor)
+
+
+def _honest(problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequence[Solution]) -> HandFactor:
+    """As sure as movement makes it: noise makes up in the whole what it made up in each limb alone."""
+    where = factor.layout
+    made_up, before, variances = np.zeros((where.count, where.count)), np.zeros((where.count, where.count)), np.zeros(where.count)
+    before[where.skin, where.skin] = np.diag(1 / hand_equations.skin(problem, at)[1] ** 2)
+    arms = []
+    for k, (limb, place, one, together) in enumerate(zip(problem.limbs, at.limbs, alone, where.parameters)):
+        cols = together[: columns(limb.chain).count]
+        slopes = hand_equations.priors(limb, place, shares=k == 0)[1]
+        made_up[np.ix_(cols, cols)] += covariance.apparent(one.problem, one.at, one.factor)
+        before[np.ix_(cols, cols)] += slopes.T @ slopes
+        variances[cols] = covariance.walked(limb)
+        own = np.zeros((2 * len(place.far), where.count))
+        own[:, cols] = covariance.arms(limb, place)
+        arms.append(own)
+    told = covariance.without_noise(factor.covariance, made_up, before, np.concatenate(arms))
+    return replace(factor, covariance=told + np.diag(variances))
 
 
 def _sloped(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:

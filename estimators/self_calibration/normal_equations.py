@@ -98,6 +98,23 @@ def drawn(factor: Factor, from_trajectory: Array, from_parameters: Array) -> Ste
     return Step(x, parameters)
 
 
+def shaken(factor: Factor, numbers: Array) -> Array:
+    """The trajectory's part (n, e) of a draw while the parameters stay, of independent standard normal numbers (n, e)."""
+    x = numbers.copy()
+    _backward(factor.L, x)
+    return x
+
+
+def whitened(factor: Factor, B: Array) -> Array:
+    """L^-1 B (n, e, P)."""
+    found = np.empty_like(B)
+    for column in range(B.shape[2]):
+        y = np.ascontiguousarray(B[:, :, column])
+        _forward(factor.L, y)
+        found[:, :, column] = y
+    return found
+
+
 @loops
 def _gather(first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array) -> None:
     e = A.shape[2]

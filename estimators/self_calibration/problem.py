@@ -46,6 +46,9 @@ class Noise:
         "bias of a gyroscope",
         "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, table 1, after one calibration; size ours",
     )
+    gyr_bias_walk: float = option(
+        0.001, "deg/s/sqrt(s)", "random walk of a gyroscope's bias, which is looked for as one number", "ours: consumer MEMS, 10 deg/h"
+    )
     rest: float = option(
         0.05,
         "deg/s",

@@ -11,13 +11,14 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from estimators.self_calibration import normal_equations, posterior, residuals
+from estimators.self_calibration import covariance, normal_equations, posterior, residuals
 from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 GROSS = 10.0  # usual errors by which a first guess may be off
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
+SMALL = 0.1  # of a standard deviation
 UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted
 MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
 Outcome = Literal["converged", "not converged", "stopped"]
@@ -84,17 +85,18 @@ def _sloped(problem: Problem, at: Unknowns) -> tuple[float, Callable[[float], Un
 
 def down(ground: Ground[P, X], problem: P, start: X, limits: Limits, go_on: Callable[[int, float], bool]) -> Way[P, X]:
     """Step by step to the minimum, of any kind of problem."""
-    at, damping, growth = start, 1e-9, 2.0
+    at, damping, growth, renewing = start, 1e-9, 2.0, True
     costs: list[float] = [ground.cost(problem, at)]
     outcome: Outcome = "not converged"
     for k in range(limits.iterations):
-        problem = ground.renewed(problem, at)
+        if renewing:
+            problem = ground.renewed(problem, at)
         costs[-1], stepped = ground.sloped(problem, at)
-        if (
-            k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain
-        ):  # joints are flexed as they were: what is left goes round in circles
-            outcome = "converged" if max(costs[-1 - AROUND :]) - min(costs[-1 - AROUND :]) < CIRCLE else "not converged"
-            break
+        if renewing and k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain:  # what is left goes round in circles
+            if max(costs[-1 - AROUND :]) - min(costs[-1 - AROUND :]) < CIRCLE:
+                outcome = "converged"
+                break
+            renewing = False  # from here with joints flexed as they are: how a stiff one is flexed is as little told as where its bones lie
         while True:
             try:
                 there = stepped(damping)
@@ -124,15 +126,26 @@ def learnt(
 ) -> Solution:
     """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
     rough = replace(limits, least_gain=limits.rough_gain)
-    found, steps = solve(_without_knocks(problem, start, GROSS), start, rough, go_on), 0
+    found, steps = _settled(solve(_without_knocks(problem, start, GROSS), start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
         doubted = doubting(_without_knocks(found.problem, found.at, limits.knock), found.at)
         noise = posterior.learnt(doubted, found.at, found.factor)
-        found = solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
-    return found
+        found = _settled(
+            solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
+        )
+    return replace(found, factor=covariance.honest(found.problem, found.at, found.factor))
+
+
+def _settled(found: Solution) -> Solution:
+    """Converged also where the way leads on in directions that no movement tells: the next step is small against what is known of each parameter."""
+    if found.outcome != "not converged":
+        return found
+    sure = covariance.honest(found.problem, found.at, found.factor).covariance
+    step = normal_equations.step(built(found.problem, found.at)[0], found.factor).parameters
+    return replace(found, outcome="converged" if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all() else found.outcome)
 
 
 def _without_knocks(problem: Problem, at: Unknowns, limit: float) -> Problem:

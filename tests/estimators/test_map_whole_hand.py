@@ -83,12 +83,13 @@ def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
 
 
 def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:
-    """Although the skin on the hand is among the unknowns now."""
+    """Of what the skin on the hand does not touch: that it follows a neighbour is among the unknowns only where the neighbour is there."""
     before, after = (
-        sum(sum(segments.of_solution(limb, "left", case.made.mounting).lengths_sd.values()) for limb in limbs)
+        {s: sd for limb in limbs for s, sd in segments.of_solution(limb, "left", case.made.mounting).lengths_sd.items()}
         for limbs in (case.alone, hand_solver.of_limbs(case.together))
     )
-    assert after < before
+    for name in ("index_middle", "middle_middle"):
+        assert after[name] < 0.97 * before[name]
 
 
 def test_the_covariance_of_all_parameters_is_honest(case: Case) -> None:

@@ -1,5 +1,6 @@
 """Artificial fingers for the tests, and what is known of them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -12,6 +13,7 @@ from estimators.self_calibration import first_guess
 from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, posed
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
+from estimators.simulation.motion import COORDINATES
 from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import IDEAL
 
@@ -24,6 +26,17 @@ HINGED: Chain = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 @cache
 def recorded(seed: int, duration: float, skin: bool = False) -> Simulated:
     return artificial_finger.recorded(np.random.default_rng(seed), SKIN if skin else WHITE, duration=duration)
+
+
+def stiffened(seed: int, duration: float, held: Mapping[str, float]) -> Simulated:
+    """A finger of which some coordinates stay, deg or m."""
+    motion = artificial_finger.moved(np.random.default_rng(seed), duration)
+    courses = motion.spline.c.copy()
+    for name, value in held.items():
+        courses[:, :, COORDINATES[name]] = 0.0
+        courses[-1, :, COORDINATES[name]] = value if name.startswith("wrist") else np.radians(value)
+    still = replace(motion, spline=type(motion.spline)(courses, motion.spline.x))
+    return artificial_finger.recorded(np.random.default_rng(seed), SKIN, duration=duration, motion=still)
 
 
 def slipped(recording: Simulated, row: int, by: float) -> Simulated:
