@@ -64,8 +64,9 @@ def solve(
     worn = {name for b in blocks for name in b.stream.sensors}
     if "hand" not in worn:
         raise InputError("the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose")
-    start, stop = _stretch(params, recording, blocks)
-    fingers, said = [], []
+    start, stop, said = _stretch(params, recording, blocks)
+    fingers: list[Finger] = []
+    problems: list[str] = []
     wanted = [f for f in CHAINS if CHAINS[f][0] in worn]
     for k, name in enumerate(wanted):
         try:
@@ -73,29 +74,33 @@ def solve(
                 params, recording, blocks, name, start, stop, _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
             )
         except InputError as problem:
-            said.append(str(problem))
+            problems.append(str(problem))
             continue
         fingers.append(finger)
     if not fingers:
-        raise InputError(said[0] if said else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges")
+        raise InputError(
+            problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
+        )
     fingers, of_hand = _together(params, recording, fingers, progress)
-    said += [*of_hand, *(word for finger in fingers for word in words.told(params, finger))]
+    said += [*problems, *of_hand, *(word for finger in fingers for word in words.told(params, finger))]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     return _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers), [calibration], said
 
 
-def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float]:
-    """When the hand moved freely: what an event says, else all; of that the liveliest part."""
-    said = [e for e in recording.events if e.trial_type == "free_movement"]
+def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float, list[str]]:
+    """When the hand moved freely, and what is to be said of it: what an event says, else all; of that the liveliest part."""
+    told = [e for e in recording.events if e.trial_type == "free_movement"]
     start, stop = max(b.t[0] for b in blocks), min(b.t[-1] for b in blocks)
-    if said:
-        longest = max(said, key=lambda e: e.duration)
+    if told:
+        longest = max(told, key=lambda e: e.duration)
         start, stop = max(start, longest.onset), min(stop, longest.end)
-    words.require_length(params, stop - start, "")
+    words.require_length(params, stop - start)
+    whole, holes = stop - start, recordings.holes(blocks, start, stop)
     start, stop = recordings.gapless(blocks, start, stop)
-    words.require_length(params, stop - start, " between gaps in the samples")
-    return recordings.liveliest(blocks, start, stop, params.longest)
+    words.require_samples(params, stop - start, holes)
+    start, stop = recordings.liveliest(blocks, start, stop, params.longest)
+    return start, stop, words.used(start, stop, whole)
 
 
 def _calibrated(
@@ -117,7 +122,7 @@ def _calibrated(
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    words.require_one_minimum(finger, found)
+    words.require_one_minimum(params, finger, found)
     return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
 
 
@@ -200,10 +205,10 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         geometry=geometry,
         source="self-calibration",
         warnings=(BEGUN,),
-        p_BS={name: p for f in reversed(fingers) for name, p in _places(f, geometry).items()},
+        p_BS=_first_of(fingers, lambda f: _placed(params, f, _places(f, geometry))),
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
         q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
-        p_BS_sd=_first_of(fingers, lambda f: _places_sd(params, f, geometry)),
+        p_BS_sd=_first_of(fingers, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
         gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
         acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
         lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if findings.known(params, f, s)},
@@ -218,6 +223,11 @@ def _first_of(fingers: Sequence[Finger], known: Callable[[Finger], Mapping[str, 
 def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
     sd = np.sqrt(np.diag(finger.solution.factor.covariance)[where]).reshape(-1, 3)
     return dict(zip(finger.solution.problem.chain.sensors, sd))
+
+
+def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
+    """Of the sensors whose places movement told."""
+    return {s: value for s, value in known.items() if findings.placed(params, finger, s)}
 
 
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.self_calibration.certainty import Certainty
+from estimators.self_calibration.problem import Chain
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Solution
 
@@ -27,6 +28,9 @@ class Asked:
     length_known: float = option(
         0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
     )
+    place_known: float = option(
+        10.0, "mm", "largest standard deviation of a sensor's place on its segment with which it is told", "ours: half a phalanx"
+    )
 
 
 @dataclass(frozen=True)
@@ -40,21 +44,29 @@ class Finger:
     sure: Certainty
 
 
+def extents(found: Solution) -> dict[str, float]:
+    """How far each joint was bent, deg."""
+    least, most = np.percentile(found.problem.bent, [1, 99], axis=0)
+    return dict(zip(found.problem.chain.joints, np.degrees(most - least).tolist()))
+
+
+def stiff(asked: Asked, found: Solution) -> dict[str, float]:
+    """Joints that hardly moved, deg."""
+    return {joint: extent for joint, extent in extents(found).items() if extent < asked.bent}
+
+
+def beside(chain: Chain, joint: str) -> tuple[str, str]:
+    """The segments before and behind a joint."""
+    k = chain.joints.index(joint)
+    return chain.sensors[chain.parents[k]], chain.sensors[chain.children[k]]
+
+
 def known(asked: Asked, finger: Finger, segment: str) -> bool:
-    length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
-    joints = finger.solution.problem.chain.joints
-    beside = [k for k, j in enumerate(joints) if segment in (_parent(finger, k), _child(finger, k))]
-    bent = all(np.ptp(np.percentile(finger.solution.problem.bent[:, k], [1, 99])) >= np.radians(asked.bent) for k in beside)
-    return sd < asked.length_known * length and bent
+    """Whether movement told a segment's length: both joints bent, and it is sure."""
+    length, sd, links = finger.segments.lengths[segment], finger.segments.lengths_sd[segment], finger.solution.problem.chain
+    return sd < asked.length_known * length and not any(segment in beside(links, joint) for joint in stiff(asked, finger.solution))
 
 
-def _parent(finger: Finger, k: int) -> str:
-    """The segment before joint k."""
-    links = finger.solution.problem.chain
-    return str(links.sensors[links.parents[k]])
-
-
-def _child(finger: Finger, k: int) -> str:
-    """The segment behind joint k."""
-    links = finger.solution.problem.chain
-    return str(links.sensors[links.children[k]])
+def placed(asked: Asked, finger: Finger, segment: str) -> bool:
+    """Whether movement told where the sensor sits along its segment."""
+    return float(np.linalg.norm(finger.sure.p_BS[segment])) < 1e-3 * asked.place_known

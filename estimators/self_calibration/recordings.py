@@ -6,6 +6,7 @@ Limits  streams with clocks of their own are brought to the hand's samples by st
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,15 @@ RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about thi
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
 LONGEST_GAP = 0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
 LIVELY = 1.0  # s over which movement is summed up
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Missing samples of one sensor, s."""
+
+    sensor: str
+    start: float
+    stop: float
 
 
 def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
@@ -34,21 +44,24 @@ def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop
 
 
 def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
-    """The longest part of a stretch in which no sensor misses samples for longer than LONGEST_GAP; sensors that give less than half do not count."""
-    edges = [start]
-    holes: list[tuple[float, float]] = []
+    """The longest part of a stretch without holes."""
+    edge, best = start, (start, start)
+    for begun, over in (*sorted((hole.start, hole.stop) for hole in holes(blocks, start, stop)), (stop, stop)):
+        if begun - edge > best[1] - best[0]:
+            best = (edge, begun)
+        edge = max(edge, over)
+    return best
+
+
+def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
+    """Where sensors miss samples for longer than LONGEST_GAP; sensors that give less than half do not count."""
+    found: list[Hole] = []
     for block in (b.between(start, stop) for b in blocks if b.stream.inertial):
-        for k in range(len(block.stream.sensors)):
+        for k, name in enumerate(block.stream.sensors):
             t = block.t[every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))]
             if len(t) > 0.5 * (stop - start) * block.stream.rate:
-                wide = np.flatnonzero(np.diff(t) > LONGEST_GAP)
-                holes += [(float(t[i]), float(t[i + 1])) for i in wide]
-    best = (start, start)
-    for hole in (*sorted(holes), (stop, stop)):
-        if hole[0] - edges[-1] > best[1] - best[0]:
-            best = (edges[-1], hole[0])
-        edges.append(max(edges[-1], hole[1]))
-    return best
+                found += [Hole(name, float(t[i]), float(t[i + 1])) for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)]
+    return found
 
 
 def liveliest(blocks: Sequence[Block], start: float, stop: float, longest: float) -> tuple[float, float]:

@@ -4,22 +4,50 @@ In      readings, Solutions, Fingers
 Out     sentences; InputError where nothing can be found
 """
 
+from collections import Counter
+from collections.abc import Sequence
+
 import numpy as np
 
 from estimators.errors import InputError
+from estimators.hand_anatomy import CHAINS
 from estimators.self_calibration import findings, steadiness
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import Problem, Readings
+from estimators.self_calibration.recordings import LONGEST_GAP, Hole
 from estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, as durations are said
+LEFT_OUT = 3.0  # s of a recording that are not worth a word
+NAMED = 3  # sensors with most gaps
 
 
-def require_length(asked: Asked, duration: float, where: str) -> None:
+def require_length(asked: Asked, duration: float) -> None:
     if duration < asked.shortest - ROUNDED:
         raise InputError(
-            f"there are {max(duration, 0.0):.1f} s of movement{where}, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
+            f"there are {max(duration, 0.0):.1f} s of movement, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
         )
+
+
+def require_samples(asked: Asked, duration: float, holes: Sequence[Hole]) -> None:
+    """InputError where too many samples are missing to leave a stretch that is long enough."""
+    if duration < asked.shortest - ROUNDED:
+        by = Counter(hole.sensor for hole in holes)
+        names = ", ".join(name for name, _ in by.most_common(NAMED))
+        raise InputError(
+            f"gaps of more than {LONGEST_GAP:g} s in the samples ({len(holes)}, most of {names}) leave no longer stretch than {duration:.1f} s, self-calibration needs {asked.shortest:g} s;"
+            " find out why samples are lost (plugs, battery, distance to the receiver) and move hand and fingers freely for 40 s again"
+        )
+
+
+def used(start: float, stop: float, whole: float) -> list[str]:
+    """Which part of a longer recording, s, speaks."""
+    said: list[str] = []
+    if stop - start < whole - LEFT_OUT:
+        said.append(
+            f"calibrated from {start:.0f} s to {stop:.0f} s of the recording, the liveliest part without gaps: all else was tracked from there"
+        )
+    return said
 
 
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:
@@ -30,7 +58,7 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
         )
 
 
-def require_one_minimum(finger: str, found: Solution) -> None:
+def require_one_minimum(asked: Asked, finger: str, found: Solution) -> None:
     """InputError where a sensor slipped or the solver did not come to an end: what was found then is of no hand."""
     slipped = steadiness.slips(found)
     if slipped:
@@ -40,6 +68,10 @@ def require_one_minimum(finger: str, found: Solution) -> None:
             f" {np.degrees(first.tilt):.0f} deg); fix it and record again; this finger is not calibrated"
         )
     if found.outcome != "converged":
+        if stiff := ", ".join(findings.stiff(asked, found)):
+            raise InputError(
+                f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; this finger is not calibrated"
+            )
         raise InputError(
             f"{finger}: the calibration did not come to an end; record 40 s of free movement again; this finger is not calibrated"
         )
@@ -48,16 +80,24 @@ def require_one_minimum(finger: str, found: Solution) -> None:
 def told(asked: Asked, finger: Finger) -> list[str]:
     """What a person should know of the result."""
     found, said = finger.solution, []
-    links = found.problem.chain
-    for k, joint in enumerate(links.joints):
-        extent = float(np.degrees(np.ptp(np.percentile(found.problem.bent[:, k], [1, 99]))))
-        if extent < asked.bent:
-            said.append(
-                f"{joint} was bent by {extent:.0f} deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
-            )
+    stiff = findings.stiff(asked, found)
+    beside_stiff = {segment for joint in stiff for segment in findings.beside(found.problem.chain, joint)}
+    if stiff:
+        joints = ", ".join(f"{joint} ({extent:.0f} deg)" for joint, extent in stiff.items())
+        given = ", ".join(s for s in CHAINS[finger.name] if s in beside_stiff)
+        said.append(
+            f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
+            " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
+        )
     said += _doubted(found.problem)
+    for segment in finger.segments.p_BS:
+        if segment not in beside_stiff and not findings.placed(asked, finger, segment):
+            sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
+            said.append(
+                f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while the finger bends"
+            )
     for segment, length in finger.segments.lengths.items():
-        if not findings.known(asked, finger, segment):
+        if segment not in beside_stiff and not findings.known(asked, finger, segment):
             sd = finger.segments.lengths_sd[segment]
             said.append(
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"

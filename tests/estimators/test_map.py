@@ -15,7 +15,7 @@ from estimators.samples import Block, Event
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
 from estimators.simulation.scenario import Simulated
-from tests.estimators.self_calibration.fingers import recorded
+from tests.estimators.self_calibration.fingers import recorded, stiffened
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
@@ -80,6 +80,21 @@ def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -
     assert np.isfinite(moved.tips_sd[:, 1]).all() and moved.tips_sd[inside, 1].max() < 0.02
 
 
+def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
+    """PIP stays at 20 deg: its neighbours' lengths stay as given, and what is told of angles holds."""
+    recording = stiffened(4, 11.0, {"index_pip_flexion": 20.0})
+    done = process(METHOD, METHOD.Params(), recording)
+    (said,) = (w for w in done.warnings if "hardly moved" in w)
+    assert said.startswith("index_pip (")
+    assert "the lengths of index_proximal, index_middle stay as given" in said
+    assert dict(done.calibrations[0].lengths_sd) == {}
+    moved, truth = done.trajectory, recording.truth
+    for joint in ("index_mcp", "index_pip", "index_dip"):
+        off, sd = ((a[:, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
+        assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+        assert sd.mean() < 25.0 * DEG
+
+
 def test_a_hand_that_lay_still_is_told_what_to_do() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = np.tile(recording.samples["imu"].values[:200], (8, 1, 1))
@@ -91,7 +106,7 @@ def test_gaps_that_leave_no_long_stretch_are_told() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = recording.samples["imu"].values.copy()
     values[800:850, 3] = np.nan
-    with pytest.raises(InputError, match=r"8\.0 s of movement between gaps in the samples"):
+    with pytest.raises(InputError, match=r"\(1, most of index_distal\) leave no longer stretch than 8\.0 s"):
         process(METHOD, METHOD.Params(), _with(recording, values))
 
 
