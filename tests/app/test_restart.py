@@ -1,19 +1,16 @@
 """A real server killed while it computes: the next one on the same data takes up what was running and what waited."""
 
-import os
-import signal
-import time
 from pathlib import Path
 
 from sqlalchemy import select
 
-from app.benchmarks.server_under_test import Client, server, wait_for
 from app.version import software_version
 from sessions import patients, records, results
 from sessions.motion_bids import writer
 from sessions.recording import LoadedRecording
 from sessions.store import Store, open_store
 from sessions.tables import Result
+from tests.faults.victim import Victim, wait_for
 from tests.simulated import pose_and_wiggle
 
 WAYS = (("m2", {}), ("m2", {"alignment": "heading"}), ("m2", {"gyr_reading": "instant"}))
@@ -36,20 +33,17 @@ def states(store: Store) -> list[str]:
 
 
 def test_what_a_killed_server_left_is_computed_by_the_next(tmp_path: Path) -> None:
-    store = open_store(tmp_path)
+    store = open_store(tmp_path / "data")
     made = queued(store)
-    with server(tmp_path) as (_, pid):
-        wait_for(lambda: "running" in states(store))
-        os.kill(pid, signal.SIGKILL)
-        at_the_end = states(store)
+    server = Victim(store.folder).start()
+    wait_for(lambda: "running" in states(store))
+    server.kill()
+    at_the_end = states(store)
     assert {"running", "queued"} <= set(at_the_end), at_the_end
-    with server(tmp_path) as (address, _):
-        client = Client(address)
-        until = time.monotonic() + 120
-        while any(s in results.UNFINISHED for s in states(store)):
-            assert time.monotonic() < until, states(store)
-            time.sleep(0.1)
-        told = [client.call("GET", f"/api/results/{k}") for k in made]
+    server.start()
+    wait_for(lambda: not any(s in results.UNFINISHED for s in states(store)))
+    told = [server.call("GET", f"/api/results/{k}") for k in made]
+    server.stop()
     assert [(r["state"], r["error"]) for r in told] == [("done", "")] * len(WAYS)
     assert all(r["figures"] for r in told)
     assert [r["progress"] for r in told] == [1.0] * len(WAYS)
