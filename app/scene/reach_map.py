@@ -11,7 +11,7 @@ from app.scene import palette
 from estimators.quaternions import Array
 
 SCALE = 1.1
-AT = np.array([-1.02, 1.05, 0.0])  # the trunk's sensor
+AT = np.array([-1.02, -0.15, 0.0])  # the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it
 RINGS = (0.2, 0.4, 0.6)  # m
 TRUNK = (0.16, 0.09, 0.26)  # m, half axes of the chest: across, deep, high; ours
 MAGNET = 0.022  # m, drawn larger than it is
