@@ -1,6 +1,6 @@
 """A third finger without a sensor carries a share of what thumb and index lift: how often it is said, how wrong the mass is, how sure it says it is.
 
-Run     python docs/decisions/0007-third-finger.py [people] (40), from the repository; two minutes for forty people and three shares
+Run     python docs/decisions/0008-third-finger.py [people] (40), from the repository; two minutes for forty people and three shares
 Out     per share: lifts of which it is said, lifts of which no mass is told, mean error of the others and its spread, their normalised error squared
 """
 
