@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, served: Site) -> Iterator[Page]:
-    """One page on the left hand's scene for all tests that need no page of their own."""
+    """One page on the left hand's scene for all tests that need no page of their own: these come last, since it draws all the time."""
     one = opened(browser, served)
     yield one
     one.context.close()
@@ -122,6 +122,36 @@ def test_left_and_right_are_told_apart(browser: Browser, scene: HandScene, right
     assert sides["left"] == pytest.approx(-sides["right"], abs=5)
 
 
+def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
+    browser: Browser, scene: HandScene, served: Site, tmp_path: Path
+) -> None:
+    """viser's own page goes blank: it falls over when it clears skinned meshes away."""
+    page = opened(browser, served)
+    failures: list[str] = []
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    resting = seen(page, hand_like)
+    before = len(served.sockets)
+    scene._server._websock_server.disconnect_all_clients()
+    eventually(lambda: len(served.sockets) > before)
+    scene.show(postures.angles_of(tasks.spread()), None)
+    seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
+    assert failures == []
+    page.context.close()
+
+
+def test_one_page_opens_one_socket_to_us_and_nothing_else(browser: Browser, scene: HandScene, served: Site) -> None:
+    context = browser.new_context(viewport={"width": QUICK[0], "height": QUICK[1]})
+    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
+    page, asked, before = context.new_page(), [], len(served.sockets)
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(served.address)
+    seen(page, hand_like)
+    assert served.sockets[before:] == [f"http://{served.host}"]
+    elsewhere = [url for url in asked if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
+    assert elsewhere == []
+    context.close()
+
+
 def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
     scene.ghost(postures.angles_of(tasks.flat()))
@@ -184,36 +214,6 @@ def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tm
     seen(page, lambda p: 8 < ink(p).sum() < 0.5 * ink(long).sum())
     scene.caption("")
     seen(page, lambda p: ink(p).sum() == 0)
-
-
-def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
-    browser: Browser, scene: HandScene, served: Site, tmp_path: Path
-) -> None:
-    """viser's own page goes blank: it falls over when it clears skinned meshes away."""
-    page = opened(browser, served)
-    failures: list[str] = []
-    page.on("pageerror", lambda error: failures.append(str(error)))
-    resting = seen(page, hand_like)
-    before = len(served.sockets)
-    scene._server._websock_server.disconnect_all_clients()
-    eventually(lambda: len(served.sockets) > before)
-    scene.show(postures.angles_of(tasks.spread()), None)
-    seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
-    assert failures == []
-    page.context.close()
-
-
-def test_one_page_opens_one_socket_to_us_and_nothing_else(browser: Browser, scene: HandScene, served: Site) -> None:
-    context = browser.new_context(viewport={"width": QUICK[0], "height": QUICK[1]})
-    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
-    page, asked, before = context.new_page(), [], len(served.sockets)
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(served.address)
-    seen(page, hand_like)
-    assert served.sockets[before:] == [f"http://{served.host}"]
-    elsewhere = [url for url in asked if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
-    assert elsewhere == []
-    context.close()
 
 
 @pytest.mark.parametrize("size", SIZES)
