@@ -63,10 +63,14 @@ def beside(chain: Chain, joint: str) -> tuple[str, str]:
 
 def known(asked: Asked, finger: Finger, segment: str) -> bool:
     """Whether movement told a segment's length: both joints bent, and it is sure."""
-    length, sd, links = finger.segments.lengths[segment], finger.segments.lengths_sd[segment], finger.solution.problem.chain
-    return sd < asked.length_known * length and not any(segment in beside(links, joint) for joint in stiff(asked, finger.solution))
+    length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
+    return sd < asked.length_known * length and not _beside_stiff(asked, finger, segment)
 
 
 def placed(asked: Asked, finger: Finger, segment: str) -> bool:
-    """Whether movement told where the sensor sits along its segment."""
-    return float(np.linalg.norm(finger.sure.p_BS[segment])) < 1e-3 * asked.place_known
+    """Whether movement told where the sensor sits on its segment: both joints bent, and it is sure."""
+    return float(np.linalg.norm(finger.sure.p_BS[segment])) < 1e-3 * asked.place_known and not _beside_stiff(asked, finger, segment)
+
+
+def _beside_stiff(asked: Asked, finger: Finger, segment: str) -> bool:
+    return any(segment in beside(finger.solution.problem.chain, joint) for joint in stiff(asked, finger.solution))

@@ -88,6 +88,7 @@ def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     assert said.startswith("index_pip (")
     assert "the lengths of index_proximal, index_middle stay as given" in said
     assert dict(done.calibrations[0].lengths_sd) == {}
+    assert not {"index_proximal", "index_middle"} & set(done.calibrations[0].p_BS)
     moved, truth = done.trajectory, recording.truth
     for joint in ("index_mcp", "index_pip", "index_dip"):
         off, sd = ((a[:, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
