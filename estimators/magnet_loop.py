@@ -15,7 +15,6 @@ from estimators.magnet_filter import (
     BBG,
     BTA,
     BTG,
-    EVIDENCE,
     MOM,
     P_,
     TH,
@@ -30,16 +29,13 @@ from estimators.magnet_filter import (
     Sizes,
     back,
     corrected,
-    magnetic,
-    magnetometers,
     matrix,
     moved,
-    searched,
-    seen,
     skew,
     stepped,
     widened,
 )
+from estimators.magnet_reading import EVIDENCE, magnetic, magnetometers, searched, seen
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 

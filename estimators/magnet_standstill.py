@@ -1,7 +1,7 @@
-"""Whether the magnet stood still before magnetometers that stood still: what the inertial sensor of a hand that slides without turning cannot tell.
+"""Whether trunk and hand stand still; of the hand also the magnet before magnetometers that stand still: what its inertial sensor cannot tell of a slide.
 
-In      the newest readings of the magnetometers, a window that ends at each sample
-Out     whether the field changed within the window by more than noise
+In      inertial samples and the newest readings of the magnetometers, a window that ends at each sample
+Out     whether the window passes the test of standstill; whether the field changed within the window by more than noise
 Source  ours. Zero velocity by a generalised likelihood ratio (zero_velocity.py) takes a slow smooth reach for a tilt: 1 m/s^2 along the ground
         changes the size of the specific force by 0.5 %. The magnet's field then changes by three times the share of the distance that the hand went
 Limits  a magnet that is hardly heard may move unseen
@@ -11,8 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.quaternions import Array
+from estimators.zero_velocity import likelihood_ratios
 
 SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise
+
+
+def stood(
+    recent: Array, samples: Array, mag: Array, length: int, gyr_sd: float, acc_sd: float, noise: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
+    of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
+    joined = np.concatenate([recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
+    still = np.zeros((len(samples), 2), bool)
+    if len(joined) >= length and len(samples):
+        windows = np.lib.stride_tricks.sliding_window_view(joined, length, axis=0).transpose(0, 2, 1)
+        for k in range(2):
+            ratio = likelihood_ratios(windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], gyr_sd, acc_sd)
+            still[len(samples) - len(ratio) :, k] = ratio < 1.0
+        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), length, noise)
+        still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
+    return joined[-(length - 1) :], still
 
 
 def moving(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 In      Readings: inertial samples of trunk (base b) and hand (target t), any number of calibrated magnetometers on the trunk; a Setup
 Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
 Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
-        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py, magnet_loop.py
+        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py, magnet_reading.py, magnet_loop.py
 Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
 Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
         array; what the accelerometer of the trunk is off by is taken for the hand's. A magnet that nobody told of is flagged, not tracked
@@ -25,7 +25,6 @@ from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellatio
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.sensor_fusion import upright
-from estimators.zero_velocity import likelihood_ratios
 
 DEG = np.pi / 180
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
@@ -184,7 +183,9 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
         first = int(whole.argmax())
         x, P = _begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
         state = replace(state, t=float(readings.t[first]), newest=samples[first])
-    window, still = _standstill(params, state, samples[first:], mag[first:])
+    window, still = magnet_standstill.stood(
+        state.recent, samples[first:], mag[first:], params.still_samples, params.still_gyr * DEG, params.still_acc, 1e-6 * params.mag_noise
+    )
     x, P, mood, newest = x.copy(), P.copy(), state.mood.copy(), state.newest.copy()
     rows = n - first
     states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
@@ -301,23 +302,6 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
         mag[None], setup.array, None, setup.magnet.size, 1e-6 * np.hypot(params.mag_noise, params.mag_error), params.reach, 0.03
     )
     return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
-
-
-def _standstill(params: MagnetParams, state: State, samples: Array, mag: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The newest samples that the next test needs, and whether base and target stood still up to each sample (n, 2)."""
-    length = params.still_samples
-    joined = np.concatenate([state.recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
-    still = np.zeros((len(samples), 2), bool)
-    if len(joined) >= length and len(samples):
-        windows = np.lib.stride_tricks.sliding_window_view(joined, length, axis=0).transpose(0, 2, 1)
-        for k in range(2):
-            ratio = likelihood_ratios(
-                windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], params.still_gyr * DEG, params.still_acc
-            )
-            still[len(samples) - len(ratio) :, k] = ratio < 1.0
-        slides = magnet_standstill.moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), length, 1e-6 * params.mag_noise)
-        still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
-    return joined[-(length - 1) :], still
 
 
 def _sizes(p: MagnetParams) -> Sizes:

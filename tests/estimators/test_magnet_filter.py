@@ -6,6 +6,7 @@ import pytest
 from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
+from estimators.magnet_reading import seen
 from estimators.magnet_tracking import MagnetParams, _sizes
 from estimators.quaternions import Array
 from estimators.simulation import magnet as sim
@@ -21,7 +22,7 @@ def _stepped(s, x: Array, before: Array, now: Array, dt: float, F: Array) -> Arr
 
 @looped
 def _seen(x: Array, k: int, H: Array) -> Array:
-    return mf.seen(x, k, H)
+    return seen(x, k, H)
 
 
 @looped

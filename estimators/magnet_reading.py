@@ -1,0 +1,164 @@
+"""What the magnetometers read of a state, what their readings tell of its errors, and the search for a magnet that is lost; compiled.
+
+In      state x and covariance P as magnet_filter.py has them, readings (magnetometers, 3) in the base's axes
+Out     readings and slopes; errors, covariance, what is missed
+Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from
+        linear where the place is not well known
+"""
+
+import math
+
+import numpy as np
+
+from estimators.compiled import inlined
+from estimators.dipole import MU0_4PI
+from estimators.kalman import correct
+from estimators.magnet_filter import (
+    B_,
+    LEV,
+    MOM,
+    OWN,
+    P_,
+    TH,
+    THG,
+    XB,
+    XGB,
+    XM,
+    XQ,
+    Sizes,
+    back,
+    chained,
+    matrix,
+    moved,
+    skew,
+    times,
+    transposed,
+)
+from estimators.quaternions import Array
+from estimators.small_matrices import block
+
+ITERATIONS = 6
+GRID = 10  # places searched along each axis of the volume
+EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
+
+
+@inlined
+def magnetometers(x: Array) -> int:
+    """How many a state has."""
+    return (len(x) - XM - 6) // 6
+
+
+@inlined
+def seen(x: Array, k: int, H: Array) -> Array:
+    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
+    R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
+    moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
+    left, place = XM + 6 + 3 * k, XM + 6 + 3 * (magnetometers(x) + k)
+    m, arm = times(R, moment), times(R, lever)
+    B_b: Array = back(R_gb, x[XB : XB + 3])
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[i] + arm[i] - x[place + i]
+    square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
+    along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
+    k5 = MU0_4PI / square**2.5
+    J, D = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            J[i, j] = 3 * k5 * r[i] * r[j]
+            D[i, j] = 3 * k5 * (r[i] * m[j] + m[i] * r[j] - 5 * along * r[i] * r[j] / square)
+        J[i, i] -= k5 * square
+        D[i, i] += 3 * k5 * along
+    own = times(J, m)
+    for i in range(3):
+        for j in range(H.shape[1]):
+            H[i, j] = 0.0
+        H[i, OWN + left - XM + i] = 1.0
+    block(1.0, D, 0, P_, H)
+    block(-1.0, D, 0, OWN + place - XM, H)
+    block(1.0, chained(J, R), 0, MOM, H)
+    block(1.0, chained(D, R), 0, LEV, H)
+    by_lever, by_moment = chained(D, chained(R, skew(lever))), chained(J, chained(R, skew(moment)))
+    for i in range(3):
+        for j in range(3):
+            H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
+    block(1.0, transposed(R_gb), 0, B_, H)
+    block(1.0, skew(B_b), 0, THG, H)
+    for i in range(3):
+        B_b[i] += own[i] + x[left + i]
+    return B_b
+
+
+@inlined
+def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Iterated update from the linearisation at x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading)."""
+    dx, C, cost = start.copy(), P, 0.0
+    rows = 3 * len(mag)
+    H, h, missed, noise, new = np.zeros((rows, len(dx))), np.zeros((3, len(dx))), np.zeros(rows), np.zeros((rows, rows)), np.empty(len(dx))
+    for iteration in range(ITERATIONS):
+        at = moved(x, dx)
+        for k in range(len(mag)):
+            reads = seen(at, k, h)
+            there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+            for i in range(3):
+                row = 3 * k + i
+                noise[row, row], missed[row] = 1.0, 0.0
+                for j in range(len(dx)):
+                    H[row, j] = h[i, j] if there else 0.0
+                if there:
+                    noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i]
+                    for j in range(len(dx)):
+                        missed[row] += h[i, j] * dx[j]
+        C = P.copy()
+        cost = correct(C, missed, H, noise, new)
+        change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
+        share = 0.1 / change if iteration < ITERATIONS - 1 and change > 0.1 else 1.0  # a long step over a field that bends leads astray
+        for i in range(len(dx)):
+            dx[i] += share * (new[i] - dx[i])
+        if change < 0.002:
+            break
+    return dx, C, cost
+
+
+@inlined
+def spaced(k: int) -> float:
+    """Places of the grid from -1 to 1, closer together in the middle, where the field bends most."""
+    u: float = 2.0 * k / (GRID - 1) - 1.0
+    return u * math.sqrt(abs(u))
+
+
+@inlined
+def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
+    """The error of which only the place is not zero: where in the volume the readings fit best."""
+    best, lowest, where = np.zeros(len(P)), math.inf, np.zeros(3)
+    R = matrix(x[XQ : XQ + 4])
+    m, arm, B_b = times(R, x[XM : XM + 3]), times(R, x[XM + 3 : XM + 6]), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    first = XM + 6 + 3 * len(mag)
+    tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
+    fixed = s.mag**2 + s.mag_left**2 + P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
+    for a in range(GRID):
+        where[0] = centre[0] + s.reach * spaced(a)
+        for b in range(GRID):
+            where[1] = centre[1] + s.reach * spaced(b)
+            for c in range(GRID):
+                where[2] = centre[2] + s.reach * spaced(c)
+                cost = 0.0
+                for k in range(len(mag)):
+                    if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+                        continue
+                    square, along, strength, missed = 1e-4, 0.0, 0.0, 0.0
+                    for i in range(3):
+                        r = where[i] + arm[i] - x[first + 3 * k + i]
+                        square += r * r
+                        along += r * m[i]
+                    for i in range(3):
+                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - x[first + 3 * k + i]) - square * m[i]) / square**2.5
+                        strength += own * own
+                        missed += (mag[k, i] - B_b[i] - own) ** 2
+                    variance = fixed + (tilt + 0.25) * strength  # half the field: between the points of the grid
+                    cost += missed / variance + 3 * math.log(variance)
+                if cost < lowest:
+                    lowest = cost
+                    for i in range(3):
+                        best[P_ + i] = where[i] - x[i]
+    return best
