@@ -1,13 +1,13 @@
 """The arithmetic of magnet_tracking.py for one sample after the other, compiled: state and errors, time update, one scalar measurement.
 
-State   x (32 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, then what was told before and is not exact: the magnet's moment
-        and place on the target, what each calibration left (b, T), the magnetometers' places; P (30 + 6 L, 30 + 6 L) of the error
-        [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, dm, dp_tm, dc_1.., dp_b1..], R = R^ (1 + [dth]x)
+State   x (35 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, then what was told before and is not exact: the magnet's
+        moment and place on the target, what each calibration left (b, T), the magnetometers' places; P (33 + 6 L, 33 + 6 L) of the error
+        [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dm, dp_tm, dc_1.., dp_b1..], R = R^ (1 + [dth]x)
 Source  Kortier, thesis ch. 5, (5.2)-(5.22); what magnetometers tell: magnet_reading.py
 Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
         trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss).
-        His 24 errors take moment, places and calibrations for exact: an error of theirs lasts, and white noise in its place makes the filter either
-        too sure or too careful
+        His 24 errors take the base's accelerometer, moment, places and calibrations for exact: an error of theirs lasts, and white noise in its place
+        makes the filter either too sure or too careful
 """
 
 import math
@@ -19,11 +19,11 @@ from estimators.compiled import inlined
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
 
-P_, V_, TH, B_, BTG, BTA, THG, BBG = (3 * k for k in range(8))  # rows of the error
-OWN = 24  # errors of trunk and hand; behind them what does not move
-MOM, LEV, LEFT = 24, 27, 30  # moment, its place, calibrations; the magnetometers' places follow
-XQ, XB, XTG, XTA, XGB, XBG = 6, 10, 13, 16, 19, 23  # rows of the state behind p and v
-XM = 26  # where the state's rows of MOM begin
+P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA = (3 * k for k in range(9))  # rows of the error
+OWN = 27  # errors of trunk and hand; behind them what does not move
+MOM, LEV, LEFT = 27, 30, 33  # moment, its place, calibrations; the magnetometers' places follow
+XQ, XB, XTG, XTA, XGB, XBG, XBA = 6, 10, 13, 16, 19, 23, 26  # rows of the state behind p and v
+XM = 29  # where the state's rows of MOM begin
 
 
 class Sizes(NamedTuple):
@@ -141,6 +141,7 @@ def moved(x: Array, dx: Array) -> Array:
         out[XTG + i] += dx[BTG + i]
         out[XTA + i] += dx[BTA + i]
         out[XBG + i] += dx[BBG + i]
+        out[XBA + i] += dx[BBA + i]
     q_bt, q_gb = turned(x[XQ : XQ + 4], dx[TH : TH + 3], False), turned(x[XGB : XGB + 4], dx[THG : THG + 3], False)
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
@@ -149,7 +150,7 @@ def moved(x: Array, dx: Array) -> Array:
 
 @inlined
 def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:
-    """The state dt later and its derivative F (24, 24); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
+    """The state dt later and its derivative F (27, 27); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
     w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
@@ -157,7 +158,7 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
         mean_t = now[6 + i] if s.mean_rates > 0.5 else 0.5 * (before[6 + i] + now[6 + i])
         w_b[i], w_t[i] = (mean_b - x[XBG + i]) * dt, (mean_t - x[XTG + i]) * dt
         back_b[i], back_t[i] = -w_b[i], -w_t[i]
-        f_b0[i], f_b1[i] = before[3 + i], now[3 + i]
+        f_b0[i], f_b1[i] = before[3 + i] - x[XBA + i], now[3 + i] - x[XBA + i]
         f_t0[i], f_t1[i] = before[9 + i] - x[XTA + i], now[9 + i] - x[XTA + i]
     one = np.zeros(4)
     one[0] = 1.0
@@ -177,8 +178,8 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
         out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
-    for i in range(24):
-        for j in range(24):
+    for i in range(OWN):
+        for j in range(OWN):
             F[i, j] = 1.0 if i == j else 0.0
     block(1.0, C, P_, P_, F)
     block(1.0, C, V_, V_, F)
@@ -191,6 +192,8 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     block(-0.5 * dt * dt, push, P_, TH, F)
     block(-dt, R, V_, BTA, F)
     block(-0.5 * dt * dt, R, P_, BTA, F)
+    block(dt, C, V_, BBA, F)
+    block(0.5 * dt * dt, C, P_, BBA, F)
     block(-dt, skew(out[0:3]), P_, BBG, F)
     block(-dt, skew(out[3:6]), V_, BBG, F)
     block(1.0, matrix(turned(one, back_t, False)), TH, TH, F)
@@ -236,6 +239,7 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, turned: float, rough: float
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
         P[BTA + i, BTA + i] += s.acc_walk**2 * dt
+        P[BBA + i, BBA + i] += s.acc_walk**2 * dt
 
 
 @inlined

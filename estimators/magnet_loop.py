@@ -12,14 +12,17 @@ from estimators.compiled import inlined, looped
 from estimators.dipole import MU0_4PI
 from estimators.kalman import correct
 from estimators.magnet_filter import (
+    BBA,
     BBG,
     BTA,
     BTG,
     MOM,
+    OWN,
     P_,
     TH,
     THG,
     V_,
+    XBA,
     XBG,
     XGB,
     XM,
@@ -33,6 +36,7 @@ from estimators.magnet_filter import (
     moved,
     skew,
     stepped,
+    transposed,
     widened,
 )
 from estimators.magnet_reading import EVIDENCE, magnetic, magnetometers, searched, seen
@@ -185,7 +189,9 @@ def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: b
         sd = s.acc_still if still_b else s.acc_moving
         block(1.0, skew(g_b), 0, THG, H)
         for i in range(3):
-            corrected(P, dx, H[i], f_b[i] - g_b[i], sd * sd * share)
+            H[i, BBA + i] = 1.0
+        for i in range(3):
+            corrected(P, dx, H[i], f_b[i] - x[XBA + i] - g_b[i], sd * sd * share)
     if abs(norm_t - s.gravity) < s.gate * s.gravity:
         sd = s.acc_still if still_t else s.acc_moving
         clear(H)
@@ -202,9 +208,10 @@ def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: b
         turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
     apart = turning * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)  # centripetal: two places of one turning body differ by it
     if abs(norm_b - norm_t) < s.acc_common and apart < s.acc_common and abs(norm_b - s.gravity) > s.gate * s.gravity:
-        common = back(R, f_b)
+        common, toward = back(R, f_b - x[XBA : XBA + 3]), transposed(R)
         clear(H)
         block(1.0, skew(common), 0, TH, H)
+        block(-1.0, toward, 0, BBA, H)
         for i in range(3):
             H[i, BTA + i] = 1.0
         for i in range(3):
@@ -267,7 +274,7 @@ def followed(
 ) -> Array:
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, ...), variances (n, ...),
     surprise (n,). P, mood and `before` (the last good readings) in place; gives the state."""
-    F, now = np.zeros((24, 24)), np.zeros(12)
+    F, now = np.zeros((OWN, OWN)), np.zeros(12)
     for n in range(len(samples)):
         dt, rough = dts[n], 1.0
         for i in range(12):

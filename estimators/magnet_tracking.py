@@ -6,7 +6,7 @@ Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), ac
         (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py, magnet_reading.py, magnet_loop.py
 Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
 Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
-        array; what the accelerometer of the trunk is off by is taken for the hand's. A magnet that nobody told of is flagged, not tracked
+        array. A magnet that nobody told of is flagged, not tracked
 """
 
 from dataclasses import dataclass, fields, replace
@@ -57,8 +57,8 @@ class MagnetParams:
     )
     gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
     gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1")
-    acc_bias_sd: float = option(0.1, "m/s^2", "bias of the hand's accelerometer at the start", "as the hand filter's", least=1e-6)
-    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of the hand's accelerometer bias", "ours")
+    acc_bias_sd: float = option(0.1, "m/s^2", "bias of an accelerometer at the start", "as the hand filter's", least=1e-6)
+    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of an accelerometer's bias", "ours")
     field_walk: float = option(0.1, "uT/sqrt(s)", "change of the environment's field", "ours: a homogeneous room", least=1e-6)
     gate: float = option(0.05, "1", "share of g by which an accelerometer that tells the vertical may be off", "Kortier thesis 5.2.2")
     acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
@@ -120,8 +120,8 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: Array | None  # (32 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
-    covariance: Array  # (30 + 6 magnetometers,) squared
+    x: Array | None  # (35 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    covariance: Array  # (33 + 6 magnetometers,) squared
     mood: Array  # (3,)
     newest: Array  # (12,) last good inertial readings
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
@@ -265,7 +265,7 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
             turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
         q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(3), _as_told(setup)])
+    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(6), _as_told(setup)])
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     lost = setup.q_bt is None and near is None
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
@@ -276,7 +276,7 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
     field = np.array([1e-6, 0.1 * setup.earth, 0.1 * setup.earth]) if setup.dip is None else np.full(3, 1e-6)
     P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
     P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (params.gyr_bias_sd * DEG) ** 2
-    P[range(15, 18), range(15, 18)] = params.acc_bias_sd**2
+    P[range(15, 18), range(15, 18)] = P[range(24, 27), range(24, 27)] = params.acc_bias_sd**2
     P[THG : THG + 3, THG : THG + 3] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
     return x, P
 

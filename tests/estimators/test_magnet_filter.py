@@ -37,7 +37,7 @@ def _widened(s, P: Array, F: Array, dt: float, turned: float) -> None:  # type: 
 
 def _state() -> Array:
     """Of a trunk with two magnetometers."""
-    x = 0.1 * RNG.normal(size=44)
+    x = 0.1 * RNG.normal(size=47)
     x[mf.XM : mf.XM + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
     x[mf.XM + 6 : mf.XM + 12] *= 1e-6
     x[mf.XM + 12 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0]
@@ -49,7 +49,7 @@ def _state() -> Array:
 
 
 def _difference(x: Array, other: Array) -> Array:
-    """The error (42,) that takes x to the other state."""
+    """The error (45,) that takes x to the other state."""
     plain = other - x
     turns = (quat.log(quat.relative(x[a : a + 4], other[a : a + 4])) for a in (mf.XQ, mf.XGB))
     th, thg = turns
@@ -60,37 +60,37 @@ def test_slopes_of_the_time_update_are_differences() -> None:
     before, now, dt, h = RNG.normal(size=12), RNG.normal(size=12), 1 / 60, 1e-5
     before[[3, 4, 5, 9, 10, 11]] *= 10
     now[[3, 4, 5, 9, 10, 11]] *= 10
-    x, F, other = _state(), np.zeros((24, 24)), np.zeros((24, 24))
+    x, F, other = _state(), np.zeros((27, 27)), np.zeros((27, 27))
     _stepped(SIZES, x, before, now, dt, F)
-    for k in range(24):
-        dx = np.zeros(42)
+    for k in range(27):
+        dx = np.zeros(45)
         dx[k] = h
         ahead = _stepped(SIZES, _moved(x, dx), before, now, dt, other)
         behind = _stepped(SIZES, _moved(x, -dx), before, now, dt, other)
         # a force in the middle of the sample and a turn over half of it are told to first order in dt
-        np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:24] / (2 * h), atol=4e-3)
+        np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:27] / (2 * h), atol=4e-3)
 
 
 def test_slopes_of_a_magnetometer_are_differences() -> None:
-    x, H, none = _state(), np.zeros((3, 42)), np.zeros((3, 42))
+    x, H, none = _state(), np.zeros((3, 45)), np.zeros((3, 45))
     _seen(x, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
-    for k in range(42):
-        dx = np.zeros(42)
+    for k in range(45):
+        dx = np.zeros(45)
         dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.LEFT <= k < mf.LEFT + 6 else 1e-5
         ahead, behind = (_seen(_moved(x, d), 1, none) for d in (dx, -dx))
         np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=1e-9)
 
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
-    """Against F P F' + Q of all 42 errors at once, without the noise of trunk and hand."""
+    """Against F P F' + Q of all 45 errors at once, without the noise of trunk and hand."""
     still = SIZES._replace(gyr=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0)
-    A = RNG.normal(size=(42, 42))
-    P, F, turned = A @ A.T, np.eye(24) + 0.1 * RNG.normal(size=(24, 24)), 0.05
-    kept = np.ones(42)
+    A = RNG.normal(size=(45, 45))
+    P, F, turned = A @ A.T, np.eye(27) + 0.1 * RNG.normal(size=(27, 27)), 0.05
+    kept = np.ones(45)
     kept[mf.LEFT : mf.LEFT + 6] = np.exp(-turned / SIZES.left_alike)
     whole = np.diag(kept)
-    whole[:24, :24] = F
+    whole[:27, :27] = F
     expected = whole @ P @ whole.T + SIZES.mag_left**2 * np.diag(1 - kept**2)
     _widened(still, P, F, 1 / 60, turned)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
@@ -101,7 +101,7 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     """Trunk and hand turn at once: (5.22) as printed, without the trunk's turning, would be off by decimetres after these five seconds."""
     m = sim.condition(name, np.random.default_rng(3), seconds=8.0, rate=240.0)
     samples = np.concatenate([m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1).reshape(len(m.t), 12)
-    x, F, k = _state(), np.zeros((24, 24)), 3 * 240
+    x, F, k = _state(), np.zeros((27, 27)), 3 * 240
     x[: mf.XM] = 0.0
     x[0:3], x[mf.XQ : mf.XQ + 4], x[mf.XGB : mf.XGB + 4] = m.p_bt[k], m.q_bt[k], m.q[k, 0]
     R = quat.conjugate(m.q[k, 0])
