@@ -46,6 +46,7 @@ class Sizes(NamedTuple):
     acc_common: float  # m/s^2
     still_speed: float  # m/s
     still_rate: float  # rad/s
+    still_alike: float  # s
     reach: float  # m, half the volume's edge
     reach_speed: float  # m/s
     max_gap: float  # s

@@ -217,14 +217,15 @@ def vertical(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: b
         for i in range(3):
             corrected(P, dx, H[i], f_t[i] - x[XTA + i] - common[i], (s.acc_moving + norm_b * 0.1) ** 2 * share)
     if still_b and still_t:
+        lasting = 2 * s.still_alike / dt  # of what stays alike for a while, as white noise
         for i in range(3):
             clear(H)
             H[0, V_ + i] = 1.0
-            corrected(P, dx, H[0], -x[3 + i], s.still_speed**2 * share)
+            corrected(P, dx, H[0], -x[3 + i], s.still_speed**2 * lasting)
             H[0, V_ + i], H[0, BTG + i] = 0.0, 1.0
-            corrected(P, dx, H[0], now[6 + i] - x[XTG + i], s.still_rate**2 * share)
+            corrected(P, dx, H[0], now[6 + i] - x[XTG + i], s.still_rate**2 * lasting)
             H[0, BTG + i], H[0, BBG + i] = 0.0, 1.0
-            corrected(P, dx, H[0], now[i] - x[XBG + i], s.still_rate**2 * share)
+            corrected(P, dx, H[0], now[i] - x[XBG + i], s.still_rate**2 * lasting)
     out: Array = moved(x, dx)
     return out
 

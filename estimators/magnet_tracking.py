@@ -68,6 +68,13 @@ class MagnetParams:
     still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
     still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
     still_speed: float = option(0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6)
+    still_alike: float = option(
+        1.0,
+        "s",
+        "time over which the turning and travelling of what passes for standing still stay alike",
+        "ours: a quarter of a breath (12 to 20 a minute); a slow lean or reach lasts as long",
+        least=0.01,
+    )
     reach: float = option(0.6, "m", "half the edge of the volume in which the hand can be", "ours: an arm's length", least=0.1, most=2.0)
     reach_speed: float = option(0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05)
     inclination_sd: float = option(3.0, "deg", "inclination at the start", "ours", least=0.1)
@@ -323,6 +330,7 @@ def _sizes(p: MagnetParams) -> Sizes:
         acc_common=p.acc_common,
         still_speed=p.still_speed,
         still_rate=0.25 * p.still_gyr * DEG,
+        still_alike=p.still_alike,
         reach=p.reach,
         reach_speed=p.reach_speed,
         max_gap=p.max_gap,
