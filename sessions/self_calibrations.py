@@ -18,7 +18,7 @@ from sessions.tables import PatientSession, RecordingFile, Result, Reuse, SelfCa
 
 NOTHING, LENGTHS, ALL = "nothing", "lengths", "lengths_and_seats"
 PARTS = (NOTHING, LENGTHS, ALL)
-USED_BY = ("m1", "m2", "ekf")  # methods that begin with a pose; others find everything themselves or take the nominal mounting
+USED_BY = ("m1", "m2", "ekf")  # offered methods that begin with a pose; others find everything themselves or take the nominal mounting
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from estimators import quaternions as quat
 from estimators.errors import InputError
-from estimators.methods import ALL_METHODS
+from estimators.methods import OFFERED
 from sessions import audit, erasing, patient_export, results, self_calibrations
 from sessions.derivative import calibration_table
 from sessions.self_calibrations import Found
@@ -98,8 +98,8 @@ def test_lengths_alone_or_also_seats_are_taken_over_as_decided_and_a_result_is_a
     assert [r.parts for r in later.session.reuses] == ["lengths", "lengths_and_seats", "nothing"]  # what was decided stays readable
 
 
-def test_methods_that_begin_with_a_pose_take_it_over_and_no_others() -> None:
-    assert set(self_calibrations.USED_BY) == {name for name, m in ALL_METHODS.items() if m.NEEDS_POSE}
+def test_offered_methods_that_begin_with_a_pose_take_it_over_and_no_others() -> None:
+    assert set(self_calibrations.USED_BY) == {name for name, m in OFFERED.items() if m.NEEDS_POSE}
 
 
 def test_of_another_glove_only_lengths_are_offered_and_of_another_hand_nothing(db: Session, patient: Patient) -> None:
