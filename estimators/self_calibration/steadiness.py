@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimators.quaternions import Array
-from estimators.self_calibration import solver
+from estimators.self_calibration import covariance, solver
 from estimators.self_calibration.problem import Problem, columns
 from estimators.self_calibration.solver import Limits, Solution
 
@@ -33,10 +33,7 @@ class Slip:
 def slips(found: Solution) -> list[Slip]:
     """Most certain first."""
     middle = len(found.problem) // 2
-    halves = [
-        solver.solve(_part(found.problem, a, b), replace(found.at, q_GS=found.at.q_GS[a:b]), STEPS)
-        for a, b in ((0, middle), (middle, len(found.problem)))
-    ]
+    halves = [_half(found, first, stop) for first, stop in ((0, middle), (middle, len(found.problem)))]
     told = []
     for s, name in enumerate(found.problem.chain.sensors):
         shifts, tilts = _shifts(found.problem, halves, s), _tilts(found.problem, halves, s)
@@ -44,6 +41,11 @@ def slips(found: Solution) -> list[Slip]:
         if max(sure, default=0.0) > SURE:
             told.append((max(sure), Slip(name, max(size for size, _ in shifts), max((size for size, _ in tilts), default=0.0))))
     return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
+
+
+def _half(found: Solution, first: int, stop: int) -> Solution:
+    half = solver.solve(_part(found.problem, first, stop), replace(found.at, q_GS=found.at.q_GS[first:stop]), STEPS)
+    return replace(half, factor=covariance.honest(half.problem, half.at, half.factor))
 
 
 def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:

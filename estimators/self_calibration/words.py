@@ -64,8 +64,8 @@ def require_one_minimum(asked: Asked, finger: str, found: Solution) -> None:
     if slipped:
         first = slipped[0]
         raise InputError(
-            f"{finger}: the sensor of {first.sensor} sat differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
-            f" {np.degrees(first.tilt):.0f} deg); fix it and record again; this finger is not calibrated"
+            f"{finger}: the sensor of {first.sensor} seems to sit differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
+            f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; this finger is not calibrated"
         )
     if found.outcome != "converged":
         if stiff := ", ".join(findings.stiff(asked, found)):
