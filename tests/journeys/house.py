@@ -71,6 +71,14 @@ def begin_session(page: Page, hand: str, glove: str = "") -> str:
     return page.url.rsplit("/", 1)[1]
 
 
+def name_port(page: Page, patient_page: str, port: Path) -> None:
+    """On the patient's page a session of the left hand with a glove at a port that is not in the list; not begun yet."""
+    page.goto(patient_page)
+    page.locator('input[name="hand"][value="left"]').check()
+    page.get_by_role("radio", name="Another port").check()
+    page.get_by_label("Port", exact=False).last.fill(str(port))
+
+
 def end_session(page: Page) -> None:
     """End it early, from any step."""
     page.locator('[data-act="finish"], .ending > button').filter(visible=True).click()

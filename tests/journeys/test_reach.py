@@ -1,8 +1,6 @@
 """Reaching with a magnet on the hand: led through the task, the hand's place shown meanwhile, figures in metres on the session page and in the report."""
 
 import io
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,7 +8,8 @@ import pytest
 from playwright.sync_api import Page
 from pypdf import PdfReader
 
-from tests.journeys.house import LONG, ROOT, Server, act, figure, keep_picture, new_patient, shown
+from app.benchmarks.server_under_test import glove
+from tests.journeys.house import LONG, Server, act, figure, keep_picture, name_port, new_patient, shown
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
@@ -30,20 +29,13 @@ IN_METRES = (  # rows of the reach that only a magnet gives
 def with_a_magnet(tmp_path: Path) -> Iterator[Path]:
     """A virtual glove with a plate of magnetometers on the trunk and a magnet on the hand."""
     port = tmp_path / "glove"
-    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(port), "--hand", "left", "--strips", "thumb,index,trunk"]
-    with subprocess.Popen(words, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert "glove with" in process.stdout.readline()
+    with glove(port, "--hand", "left", "--strips", "thumb,index,trunk"):
         yield port
-        process.terminate()
 
 
 def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., Page], server: Server, with_a_magnet: Path) -> None:
     page = another_page(scene=False, bypass_csp=True)
-    page.goto(f"{server.base}/patients/{new_patient(page)}")
-    page.locator('input[name="hand"][value="left"]').check()
-    page.get_by_role("radio", name="Another port").check()
-    page.get_by_label("Port", exact=False).last.fill(str(with_a_magnet))
+    name_port(page, f"{server.base}/patients/{new_patient(page)}", with_a_magnet)
     page.get_by_role("button", name="Start session").click()
     page.wait_for_url("**/stations/*")
     shown(act(page, "continue")).click()
