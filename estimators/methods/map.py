@@ -3,8 +3,8 @@
 In      inertial samples of the hand and of fingers of which at least the first phalanx has a sensor; no pose, no magnetometer
 Out     Calibration (seats, biases, lengths) at the stretch's beginning; Trajectory: the stretch as it was found, the rest tracked as `m2` does from there
 Source  Kortier, thesis ch. 4; estimators/self_calibration
-Limits  without the forearm. How the hand's sensor and the last phalanges' sit about a finger's axis is told by no movement: there
-        the nominal mounting holds, so the zero of the MCP and DIP joints' flexion is as good as the mounting; last phalanges' lengths by ratio
+Limits  how the sensors of forearm and hand sit, and the last phalanges' about a finger's axis, is told by no movement: there the nominal mounting
+        holds, so the zeros of the wrist and of the MCP and DIP joints' flexion are as good as the mounting; last phalanges' lengths by ratio
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import whole_streams
-from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, side_sign
+from estimators.hand_anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, IS_DOF, JOINT, SEGMENT, SEGMENTS, side_sign
 from estimators.hand_geometry import HandGeometry, root_joint
 from estimators.methods import m2
 from estimators.options import option
@@ -27,7 +27,7 @@ from estimators.samples import Block, Recording
 from estimators.self_calibration import certainty, findings, first_guess, hand_solver, posterior, recordings, segments, solver, words
 from estimators.self_calibration.certainty import DRAWS
 from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import Noise, Unknowns, chain, columns, measured, posed
+from estimators.self_calibration.problem import LIMBS, Noise, Unknowns, chain, columns, measured, posed
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
 
@@ -67,7 +67,7 @@ def solve(
     start, stop, said = _stretch(params, recording, blocks)
     fingers: list[Finger] = []
     problems: list[str] = []
-    wanted = [f for f in CHAINS if CHAINS[f][0] in worn]
+    wanted = [name for name, links in LIMBS.items() if links[0] in worn]
     for k, name in enumerate(wanted):
         try:
             finger = _calibrated(
@@ -77,7 +77,7 @@ def solve(
             problems.append(str(problem))
             continue
         fingers.append(finger)
-    if not fingers:
+    if not any(f.name in CHAINS for f in fingers):
         raise InputError(
             problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
         )
@@ -85,7 +85,8 @@ def solve(
     said += [*problems, *of_hand, *(word for finger in fingers for word in words.told(params, finger))]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
-    return _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers), [calibration], said
+    moved = _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers)
+    return _over_the_wrist(moved, calibration.geometry), [calibration], said
 
 
 def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float, list[str]]:
@@ -107,12 +108,12 @@ def _calibrated(
     params: Params, recording: Recording, blocks: Sequence[Block], finger: str, start: float, stop: float, progress: Callable[[float], None]
 ) -> Finger:
     worn = {name for b in blocks for name in b.stream.sensors}
-    links = chain([s for s in ("hand", *CHAINS[finger]) if s in worn])
+    links = chain([s for s in ("hand", *LIMBS[finger]) if s in worn])
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     try:
         t, read = recordings.readings(blocks, links.sensors, start, stop)
     except LookupError as silent:
-        raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; this finger is not calibrated") from None
+        raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; it is not calibrated") from None
     words.require_movement(params, finger, read)
     guess = first_guess.unknowns(links, noise, read)
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
@@ -161,7 +162,7 @@ def _described(params: Params, recording: Recording, finger: str, t: Array, foun
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
-        lambda drawn, luck: _sized(recording.geometry, CHAINS[finger], drawn.lengths, params.length_guess * luck),
+        lambda drawn, luck: _sized(recording.geometry, LIMBS[finger], drawn.lengths, params.length_guess * luck),
     )
     return Finger(finger, t, found, told, sure)
 
@@ -231,16 +232,20 @@ def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[
 
 
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
-    """Where the sensors sit from their segments' origins: the hand's is MCP 3, a last phalanx' the end of its bone."""
-    found, ends = dict(finger.segments.p_BS), np.array(geometry.joint_positions[root_joint(finger.name)])
-    last = finger.solution.problem.chain.sensors[-1]
-    found["hand"] = found["hand"] + ends - np.array(geometry.joint_positions["middle_mcp"])
-    found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, geometry.lengths[last], 0.0])
+    """Where the sensors sit from their segments' origins: the hand's is MCP 3, a last phalanx' the end of its bone, the forearm's the wrist."""
+    found = dict(finger.segments.p_BS)
+    ends = geometry.joint_positions[root_joint(finger.name)] if finger.name in CHAINS else (0.0, 0.0, 0.0)
+    found["hand"] = found["hand"] + np.subtract(ends, geometry.joint_positions["middle_mcp"])
+    if finger.name in CHAINS:
+        last = finger.solution.problem.chain.sensors[-1]
+        found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, geometry.lengths[last], 0.0])
     return found
 
 
 def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     """(3,) m; the last phalanx' is counted from an end that no movement shows."""
+    if finger.name not in CHAINS:
+        return dict(finger.sure.p_BS)
     last = finger.solution.problem.chain.sensors[-1]
     end = np.array([0.0, params.length_guess * geometry.lengths[last], 0.0])
     return {**finger.sure.p_BS, last: np.hypot(finger.sure.p_BS[last], end)}
@@ -283,17 +288,29 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
     outside = (moved.t < max(f.t[0] for f in fingers)) | (moved.t > min(f.t[-1] for f in fingers))
     drift = np.where(outside, np.radians(params.tracked), 0.0)
     for finger in fingers:
-        knots, sure, k = finger.t[finger.sure.rows], finger.sure, FINGERS.index(finger.name)
+        knots, sure = finger.t[finger.sure.rows], finger.sure
         for j, a in zip(*np.nonzero(np.isfinite(sure.angles).all(axis=0) & IS_DOF)):
             angles[:, j, a] = np.hypot(np.interp(moved.t, knots, sure.angles[:, j, a]), drift)
         reach = sum(finger.segments.lengths.values())
-        for axis in range(3):
-            tips[:, k, axis] = np.hypot(np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach)
+        for axis in range(3 if finger.name in CHAINS else 0):
+            tips[:, FINGERS.index(finger.name), axis] = np.hypot(np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach)
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
         if name not in known and np.isfinite(moved.q_GS[:, SEGMENT[name], 0]).any():
             flags[:, SEGMENT[name]] |= np.uint8(Flag.UNCALIBRATED)
     return replace(moved, angles_sd=angles, tips_sd=tips, flags=flags)
+
+
+def _over_the_wrist(moved: Trajectory, geometry: HandGeometry) -> Trajectory:
+    """Tips are told in the wrist's frame: where it is followed they are as uncertain as its angles, too."""
+    assert moved.angles_sd is not None and moved.tips_sd is not None
+    angles, tips = np.where(IS_DOF, moved.angles, 0.0), moved.tips_sd
+    for axis in (FLEXION, DEVIATION):
+        turned = angles.copy()
+        turned[:, JOINT["wrist"], axis] += moved.angles_sd[:, JOINT["wrist"], axis]
+        here, there = (forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned))
+        tips = np.hypot(tips, there - here)
+    return replace(moved, tips_sd=tips)
 
 
 def _at(t: Array, known: Array, q: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How sure the seats, the places and the movement of one finger are: everything drawn again as the readings, and the nominal mounting, leave it open.
+"""How sure the seats, the places and the movement of one finger, or of the forearm, are: everything drawn again as the readings, and the nominal mounting, leave it open.
 
 In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
 Out     Certainty: standard deviations of seats, places, angles and tip
@@ -33,7 +33,7 @@ class Certainty:
     p_BS: Mapping[str, Array]  # (3,) m
     rows: Array  # (m,) samples of the stretch to which the next belong
     angles: Array  # (m, joints, 3) rad; NaN where it is no joint of this finger
-    tip: Array  # (m, 3) m
+    tip: Array  # (m, 3) m; NaN of the forearm
 
 
 def of_finger(
@@ -76,14 +76,16 @@ def _thinned(found: Solution, rows: Array) -> Solution:
 
 
 def _moved(told: Segments, geometry: HandGeometry) -> tuple[Array, Array]:
-    """Angles (m, joints, 3) and the finger's tip (m, 3), free of limits."""
+    """Angles (m, joints, 3) and the finger's tip (m, 3), free of limits; the forearm has none, NaN."""
     m = len(told.q_GB["hand"])
     q_GS = np.full((m, len(SEGMENTS), 4), np.nan)
     for name, q in told.q_GB.items():
         q_GS[:, SEGMENT[name]] = q
     angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
-    finger = next(k for k, f in enumerate(FINGERS) if CHAINS[f][0] in told.q_GB)
-    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, finger]
+    fingers = [k for k, f in enumerate(FINGERS) if CHAINS[f][0] in told.q_GB]
+    if not fingers:
+        return angles, np.full((m, 3), np.nan)
+    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, fingers[0]]
 
 
 def _spread(off: Sequence[Array]) -> Array:

@@ -1,4 +1,4 @@
-"""What one finger was found to be, and what of it movement told well enough to be used.
+"""What one finger, or the forearm, was found to be, and what of it movement told well enough to be used.
 
 In      a Solution of one finger, its Segments and how sure they are
 Out     Finger; how far joints bent, which lengths are known
@@ -35,9 +35,9 @@ class Asked:
 
 @dataclass(frozen=True)
 class Finger:
-    """What one finger was found to be."""
+    """What one finger, or the forearm, was found to be."""
 
-    name: str
+    name: str  # of problem.LIMBS
     t: Array  # (n,) s
     solution: Solution
     segments: Segments

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINTS, Hand, side_sign
+from estimators.hand_anatomy import CHAINS, JOINTS, Hand, side_sign
 from estimators.options import option
 from estimators.quaternions import Array
 
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
+LIMBS = {**CHAINS, "forearm": ("forearm",)}  # what hangs on the hand with a joint of its own, segments from there on
 RESTING_GYR, RESTING_ACC = (
     0.3,
     0.06,
@@ -201,20 +202,25 @@ class Columns:
 
 
 def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: Sequence[str] | None = None) -> Chain:
-    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless told otherwise."""
+    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless told otherwise.
+
+    The hand as the first has the forearm behind the wrist.
+    """
     known = [j for j in JOINTS if joints is None or j.name in joints]
-    sensors, links = [segments[0]], []
+    sensors, links, ends = [segments[0]], [], []
     for joint in known:
-        if joint.parent in sensors and joint.child in segments and joint.child not in sensors:
-            sensors.append(joint.child)
-            links.append(joint)
+        for near, far in ((joint.parent, joint.child), (joint.child, joint.parent)):
+            if near in sensors and far in segments and far not in sensors:
+                sensors.append(far)
+                links.append(joint)
+                ends.append((near, far))
     row = {name: k for k, name in enumerate(sensors)}
     turning = {j.name for j in links if len(j.dofs) == 1} if hinges is None else set(hinges)
     return Chain(
         tuple(sensors),
         tuple(j.name for j in links),
-        np.array([row[j.parent] for j in links], dtype=np.intp),
-        np.array([row[j.child] for j in links], dtype=np.intp),
+        np.array([row[near] for near, _ in ends], dtype=np.intp),
+        np.array([row[far] for _, far in ends], dtype=np.intp),
         np.flatnonzero([j.name in turning for j in links]),
     )
 

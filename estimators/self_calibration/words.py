@@ -53,6 +53,10 @@ def used(start: float, stop: float, whole: float) -> list[str]:
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:
     turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
     if turning < asked.moving:
+        if finger == "forearm":
+            raise InputError(
+                f"forearm: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move hand and forearm in all directions while bending the wrist"
+            )
         raise InputError(
             f"{finger}: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
         )
@@ -65,16 +69,14 @@ def require_one_minimum(asked: Asked, finger: str, found: Solution) -> None:
         first = slipped[0]
         raise InputError(
             f"{finger}: the sensor of {first.sensor} seems to sit differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
-            f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; this finger is not calibrated"
+            f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; it is not calibrated"
         )
     if found.outcome != "converged":
         if stiff := ", ".join(findings.stiff(asked, found)):
             raise InputError(
-                f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; this finger is not calibrated"
+                f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
-        raise InputError(
-            f"{finger}: the calibration did not come to an end; record 40 s of free movement again; this finger is not calibrated"
-        )
+        raise InputError(f"{finger}: the calibration did not come to an end; record 40 s of free movement again; it is not calibrated")
 
 
 def told(asked: Asked, finger: Finger) -> list[str]:
@@ -82,7 +84,11 @@ def told(asked: Asked, finger: Finger) -> list[str]:
     found, said = finger.solution, []
     stiff = findings.stiff(asked, found)
     beside_stiff = {segment for joint in stiff for segment in findings.beside(found.problem.chain, joint)}
-    if stiff:
+    if "wrist" in stiff:
+        said.append(
+            f"the wrist hardly moved ({stiff['wrist']:.0f} deg): where it lies between the sensors of hand and forearm is not observable, its angles hold within their standard deviations; bend it more while the hand turns"
+        )
+    elif stiff:
         joints = ", ".join(f"{joint} ({extent:.0f} deg)" for joint, extent in stiff.items())
         given = ", ".join(s for s in CHAINS[finger.name] if s in beside_stiff)
         said.append(
@@ -94,7 +100,7 @@ def told(asked: Asked, finger: Finger) -> list[str]:
         if segment not in beside_stiff and not findings.placed(asked, finger, segment):
             sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
             said.append(
-                f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while the finger bends"
+                f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while its joints bend"
             )
     for segment, length in finger.segments.lengths.items():
         if segment not in beside_stiff and not findings.known(asked, finger, segment):

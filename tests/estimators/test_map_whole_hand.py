@@ -1,4 +1,4 @@
-"""The whole hand as one problem: through `process`, as a user meets it; fingers that share the hand know more of each other than alone."""
+"""The whole hand as one problem, forearm included: through `process`, as a user meets it; limbs that share the hand know more of each other than alone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FLEXION, JOINT
+from estimators.hand_anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, JOINT
 from estimators.hand_geometry import HandGeometry, sized
 from estimators.methods import BATCH
 from estimators.processing import Processed, process
@@ -23,8 +23,8 @@ from estimators.simulation.sensors import SensorErrors
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
-FINGERS = ("index", "middle")
-WORN = ("hand", *(s for f in FINGERS for s in CHAINS[f]))
+TWO = ("index", "middle")
+WORN = ("forearm", "hand", *(s for f in TWO for s in CHAINS[f]))
 DURATION = 12.0  # s
 
 
@@ -72,7 +72,7 @@ def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
     """From an average hand's lengths and nominal mountings."""
     found = case.done.calibrations[0]
     assert case.together.outcome == "converged"
-    for name in (f"{f}_{s}" for f in FINGERS for s in ("proximal", "middle")):
+    for name in (f"{f}_{s}" for f in TWO for s in ("proximal", "middle")):
         assert found.geometry.lengths[name] == pytest.approx(case.geometry.lengths[name], rel=0.02)
         assert found.lengths_sd[name] < 0.015 * found.geometry.lengths[name]
     moved, truth = case.done.trajectory, case.made.truth
@@ -80,6 +80,37 @@ def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
     for joint in ("index_pip", "middle_pip"):
         off = (moved.angles - truth.angles)[inside, JOINT[joint], FLEXION]
         assert np.sqrt(np.mean(off**2)) < 2.0 * DEG
+
+
+def test_the_wrist_is_followed_by_the_forearms_sensor(case: Case) -> None:
+    """Its zero is as good as the mountings and is said to be; the movement about it is better by far. Tips are as uncertain as the wrist, too."""
+    moved, truth, wrist = case.done.trajectory, case.made.truth, JOINT["wrist"]
+    assert moved.angles_sd is not None and moved.tips_sd is not None
+    inside = (moved.t > 2.0) & (moved.t < DURATION - 2.0)
+    for axis in (FLEXION, DEVIATION):
+        off, sd = (a[inside, wrist, axis] for a in (moved.angles - truth.angles, moved.angles_sd))
+        assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+        assert np.std(off) < 1.0 * DEG
+        assert sd.max() < 12.0 * DEG
+    fingers = [FINGERS.index(f) for f in TWO]
+    off, sd = (a[inside][:, fingers] for a in (moved.tips - truth.tips, moved.tips_sd))
+    assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+    found, worn = case.done.calibrations[0], case.made.sensors
+    assert (np.abs(found.p_BS["forearm"] - worn.p_BS[WORN.index("forearm")]) < 3.5 * found.p_BS_sd["forearm"]).all()
+
+
+def test_a_forearm_that_lay_still_costs_no_finger(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = {s.problem.chain.sensors: s for s in case.alone}
+    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    monkeypatch.setattr(hand_solver, "solve", lambda *others: replace(case.together, outcome="not converged"))
+    block = case.made.samples["imu"]
+    values = block.values.copy()
+    values[:, WORN.index("forearm")] = values[:1, WORN.index("forearm")]
+    done = process(METHOD, METHOD.Params(), replace(case.made, samples={"imu": replace(block, values=values)}))
+    assert any(w.startswith("forearm: it turned at 0 deg/s") and "bending the wrist" in w for w in done.warnings)
+    assert set(done.calibrations[0].lengths_sd) == {"index_proximal", "index_middle", "middle_proximal", "middle_middle"}
+    sd = done.trajectory.angles_sd
+    assert sd is not None and (sd[:, JOINT["wrist"], FLEXION] > 30 * DEG).all()
 
 
 def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:
@@ -113,12 +144,11 @@ def test_the_covariance_of_all_parameters_is_honest(case: Case) -> None:
 
 
 def test_skin_on_the_back_of_the_hand_is_told_apart(case: Case) -> None:
-    """It follows the middle finger's flexion, and not the index finger's."""
-    found, none = case.together, np.zeros(3)
-    sd = np.sqrt(np.diag(found.factor.covariance))[found.factor.layout.skin].reshape(2, 2, 3)
-    off = np.array(
-        [found.at.skin_turn - [none, case.made.sensors.skin_turn[0]], found.at.skin_slide - [none, case.made.sensors.skin_slide[0]]]
-    )
+    """It follows the middle finger's flexion, and neither the index finger's nor the wrist's."""
+    found, none, hand = case.together, np.zeros(3), WORN.index("hand")
+    sd = np.sqrt(np.diag(found.factor.covariance))[found.factor.layout.skin].reshape(2, 3, 3)
+    true = np.array([[none, skin[hand], none] for skin in (case.made.sensors.skin_turn, case.made.sensors.skin_slide)])
+    off = np.array([found.at.skin_turn, found.at.skin_slide]) - true
     assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
     assert np.linalg.norm(found.at.skin_turn[1]) > 3 * np.linalg.norm(found.at.skin_turn[0])
 

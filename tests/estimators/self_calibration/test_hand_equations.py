@@ -12,7 +12,7 @@ from estimators.self_calibration.hand_problem import HandPlace, HandProblem
 from estimators.self_calibration.problem import Noise, Readings, Unknowns, chain, measured, posed
 
 SAMPLES = 5
-FINGERS = (("hand", "index_proximal", "index_middle"), ("hand", "thumb_metacarpal"))
+LIMBS = (("hand", "index_proximal", "index_middle"), ("hand", "forearm"))
 
 
 def _somewhere() -> tuple[HandProblem, HandPlace]:
@@ -21,7 +21,7 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
     of_hand = rng.normal(size=(SAMPLES, 2, 3))
     q_hand = quat.multiply(quat.normalize(rng.normal(size=4)), quat.exp(0.1 * rng.normal(size=(SAMPLES, 3))))
     own, delay = (0.01 * rng.normal(size=(24,)), np.array([0.002]))
-    for names in FINGERS:
+    for names in LIMBS:
         links = chain(names)
         S, J, H = len(links.sensors), len(links.joints), len(links.hinges)
         gyr, acc = rng.normal(size=(SAMPLES, S, 3)), 9 * rng.normal(size=(SAMPLES, S, 3))
