@@ -17,7 +17,7 @@ from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import whole_streams
-from estimators.hand_anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, IS_DOF, JOINT, SEGMENT, SEGMENTS, side_sign
+from estimators.hand_anatomy import CHAINS, CHILDREN, DEVIATION, FINGERS, FLEXION, IS_DOF, JOINT, PARENTS, SEGMENT, SEGMENTS, side_sign
 from estimators.hand_geometry import HandGeometry, root_joint
 from estimators.methods import m2
 from estimators.options import option
@@ -27,7 +27,7 @@ from estimators.samples import Block, Recording
 from estimators.self_calibration import certainty, findings, first_guess, hand_solver, posterior, recordings, segments, solver, words
 from estimators.self_calibration.certainty import DRAWS
 from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import LIMBS, Noise, Unknowns, chain, columns, measured, posed
+from estimators.self_calibration.problem import LIMBS, Chain, Noise, Readings, Unknowns, chain, columns, measured, posed
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
 
@@ -70,9 +70,11 @@ def solve(
     wanted = [name for name, links in LIMBS.items() if links[0] in worn]
     for k, name in enumerate(wanted):
         try:
-            finger = _calibrated(
-                params, recording, blocks, name, start, stop, _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
-            )
+            links, silent = recordings.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
+            said += words.silence(name, silent)
+            t, read = recordings.readings(blocks, links.sensors, start, stop)
+            done = _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
+            finger = _calibrated(params, recording, name, links, t, read, done)
         except InputError as problem:
             problems.append(str(problem))
             continue
@@ -105,15 +107,9 @@ def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> t
 
 
 def _calibrated(
-    params: Params, recording: Recording, blocks: Sequence[Block], finger: str, start: float, stop: float, progress: Callable[[float], None]
+    params: Params, recording: Recording, finger: str, links: Chain, t: Array, read: Readings, progress: Callable[[float], None]
 ) -> Finger:
-    worn = {name for b in blocks for name in b.stream.sensors}
-    links = chain([s for s in ("hand", *LIMBS[finger]) if s in worn])
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
-    try:
-        t, read = recordings.readings(blocks, links.sensors, start, stop)
-    except LookupError as silent:
-        raise InputError(f"{finger}: the sensor of {silent.args[0]} gave no samples; it is not calibrated") from None
     words.require_movement(params, finger, read)
     guess = first_guess.unknowns(links, noise, read)
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
@@ -238,8 +234,9 @@ def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     found["hand"] = found["hand"] + np.subtract(ends, geometry.joint_positions["middle_mcp"])
     if finger.name in CHAINS:
         last = finger.solution.problem.chain.sensors[-1]
-        found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, geometry.lengths[last], 0.0])
-    return found
+        along = geometry.lengths[last] if last == CHAINS[finger.name][-1] else np.nan  # a joint that no sensor shows
+        found[last] = found[last] - side_sign(geometry.hand) * np.array([0.0, along, 0.0])
+    return {s: p for s, p in found.items() if np.isfinite(p).all()}
 
 
 def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
@@ -248,7 +245,8 @@ def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[s
         return dict(finger.sure.p_BS)
     last = finger.solution.problem.chain.sensors[-1]
     end = np.array([0.0, params.length_guess * geometry.lengths[last], 0.0])
-    return {**finger.sure.p_BS, last: np.hypot(finger.sure.p_BS[last], end)}
+    sds = {**finger.sure.p_BS, last: np.hypot(finger.sure.p_BS[last], end)}
+    return {s: sds[s] for s in _places(finger, geometry)}
 
 
 def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
@@ -294,6 +292,10 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
         reach = sum(finger.segments.lengths.values())
         for axis in range(3 if finger.name in CHAINS else 0):
             tips[:, FINGERS.index(finger.name), axis] = np.hypot(np.interp(moved.t, knots, sure.tip[:, axis]), drift * reach)
+    lost = outside[:, None] & (moved.flags & np.uint8(Flag.HEADING_LOST) > 0)
+    angles = np.where((lost[:, PARENTS] | lost[:, CHILDREN])[..., None] & np.isfinite(angles), UNKNOWN, angles)
+    on_fingers = np.stack([lost[:, [SEGMENT[s] for s in links]].any(axis=1) for links in CHAINS.values()], axis=1)
+    tips = np.where(on_fingers[..., None] & np.isfinite(tips), params.length_guess, tips)
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
         if name not in known and np.isfinite(moved.q_GS[:, SEGMENT[name], 0]).any():
@@ -309,7 +311,7 @@ def _over_the_wrist(moved: Trajectory, geometry: HandGeometry) -> Trajectory:
         turned = angles.copy()
         turned[:, JOINT["wrist"], axis] += moved.angles_sd[:, JOINT["wrist"], axis]
         here, there = (forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned))
-        tips = np.hypot(tips, there - here)
+        tips = np.hypot(tips, np.nan_to_num(there - here))  # an unknown wrist counts as neutral
     return replace(moved, tips_sd=tips)
 
 

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, every
-from estimators.self_calibration.problem import Readings
+from estimators.self_calibration.problem import Chain, Readings, chain
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
@@ -43,6 +44,21 @@ def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop
     return t, Readings(each * period, v[..., :3], v[..., 3:], np.maximum(share, d[..., 0]), np.maximum(share, d[..., 1]))
 
 
+def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -> tuple[Chain, tuple[str, ...]]:
+    """The chain up to its first sensor that gives less than half of its samples; that and those behind it."""
+    where = {name: (b.between(start, stop), k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
+    for k, name in enumerate(links.sensors):
+        block, row = where[name]
+        if any(_sound(block, row, quantity).sum() < 0.5 * len(block.t) for quantity in (GYR, ACC)):
+            return chain(links.sensors[:k] or links.sensors[:1]), links.sensors[k:]
+    return links, ()
+
+
+def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
+    """Which samples (n,) of a sensor are whole and not at its limit."""
+    return np.asarray(every(np.isfinite(block.of(quantity)[:, k])) & ~block.at_limit(quantity)[:, k])
+
+
 def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
     """The longest part of a stretch without holes."""
     edge, best = start, (start, start)
@@ -60,6 +76,7 @@ def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
         for k, name in enumerate(block.stream.sensors):
             t = block.t[every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))]
             if len(t) > 0.5 * (stop - start) * block.stream.rate:
+                t = np.concatenate([[start], t, [stop]])  # a sensor may begin late or end early
                 found += [Hole(name, float(t[i]), float(t[i + 1])) for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)]
     return found
 
@@ -84,10 +101,7 @@ def _even(block: Block, k: int, grid: Array) -> tuple[Array, Array]:
     """Readings (n, 6) of one sensor on the grid, and factors of doubt of gyroscope and accelerometer (n, 2)."""
     values, doubts = np.empty((len(grid), 6)), np.ones((len(grid), 2))
     for q, quantity in enumerate((GYR, ACC)):
-        sampled = block.of(quantity)[:, k]
-        sound = every(np.isfinite(sampled)) & ~block.at_limit(quantity)[:, k]
-        if sound.sum() < 0.5 * len(sound):
-            raise LookupError(block.stream.sensors[k])
+        sampled, sound = block.of(quantity)[:, k], _sound(block, k, quantity)
         t, known = block.t[sound], sampled[sound]
         for axis in range(3):
             values[:, 3 * q + axis] = np.interp(grid, t, known[:, axis])

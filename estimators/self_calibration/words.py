@@ -13,7 +13,7 @@ from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS
 from estimators.self_calibration import findings, steadiness
 from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import Problem, Readings
+from estimators.self_calibration.problem import LIMBS, Problem, Readings
 from estimators.self_calibration.recordings import LONGEST_GAP, Hole
 from estimators.self_calibration.solver import Solution
 
@@ -48,6 +48,17 @@ def used(start: float, stop: float, whole: float) -> list[str]:
             f"calibrated from {start:.0f} s to {stop:.0f} s of the recording, the liveliest part without gaps: all else was tracked from there"
         )
     return said
+
+
+def silence(finger: str, silent: Sequence[str]) -> list[str]:
+    """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left."""
+    if not silent:
+        return []
+    if silent[0] in ("hand", LIMBS[finger][0]):
+        raise InputError(f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated")
+    return [
+        f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {', '.join(silent)}, find out why and record again"
+    ]
 
 
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:

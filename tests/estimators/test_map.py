@@ -117,6 +117,34 @@ def test_five_seconds_are_too_few() -> None:
         process(METHOD, METHOD.Params(), _with(recording, recording.samples["imu"].values, 4.0, 9.01))
 
 
+@pytest.mark.parametrize("spoke", [0, 1150])
+def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int) -> None:
+    """Never heard, or heard for a while: its neighbours are found, and of its own joint nothing is claimed."""
+    recording = recorded(2, 16.0, skin=True)
+    values = recording.samples["imu"].values.copy()
+    values[spoke:, 3] = np.nan
+    done = process(METHOD, METHOD.Params(), _with(recording, values))
+    said = "index: the sensor of index_distal gave no samples; it is calibrated without index_distal"
+    assert any(w.startswith(said) for w in done.warnings) == (not spoke)
+    found, moved, truth = done.calibrations[0], done.trajectory, recording.truth
+    assert found.geometry.lengths["index_proximal"] == pytest.approx(artificial_finger.HINGES, rel=0.02)
+    assert "index_proximal" in found.p_BS and ("index_middle" in found.p_BS) == bool(spoke)
+    assert moved.angles_sd is not None
+    off, sd = (a[:, JOINT["index_pip"], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd))
+    assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+    assert sd.max() < 6.0 * DEG
+    of_dip = moved.angles_sd[spoke + 10 :, JOINT["index_dip"], FLEXION]
+    assert (np.isnan(of_dip) | (of_dip > 30.0 * DEG)).all()
+
+
+def test_a_finger_of_which_the_first_sensor_is_silent_is_refused_by_name() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    values = recording.samples["imu"].values.copy()
+    values[:, 1] = np.nan
+    with pytest.raises(InputError, match="index: the sensor of index_proximal gave no samples; it is not calibrated"):
+        process(METHOD, METHOD.Params(), _with(recording, values))
+
+
 def test_an_event_says_when_the_hand_moved_freely() -> None:
     recording = replace(recorded(2, 16.0, skin=True), events=(Event(3.0, 4.0, "free_movement"),))
     with pytest.raises(InputError, match=r"4\.0 s of movement"):
