@@ -9,7 +9,7 @@ Limits  without magnetometer the heading drifts with what is left of the gyrosco
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,61 +18,17 @@ from vqf import VQF
 
 from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
+from estimators.fusion_filters import FusionParams as FusionParams
+from estimators.fusion_filters import begun, updated
 from estimators.fusion_state import Oriented as Oriented
 from estimators.fusion_state import SensorState, Together
 from estimators.fusion_state import StreamState as StreamState
 from estimators.missing_samples import looked_at, with_missing_instants
-from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import MAG, Block, Stream, every
 from estimators.trajectory import Flag
 
 LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
-
-
-@dataclass(frozen=True, kw_only=True)
-class FusionParams:
-    tau_acc: float = option(
-        3.0,
-        "s",
-        "time constant of the accelerometer's correction: larger trusts the gyroscope longer",
-        "VQF default (Laidig & Seel 2023)",
-        least=0.01,
-    )
-    rest_bias: bool = option(True, "", "estimate the gyroscope's bias whenever the sensor rests", "VQF default (Laidig & Seel 2023)")
-    motion_bias: bool = option(True, "", "estimate the gyroscope's bias during movement", "VQF default (Laidig & Seel 2023)")
-    rest_gyr: float = option(
-        2.0, "deg/s", "largest deviation of the angular rate that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
-    )
-    rest_turn: float = option(
-        0.1,
-        "deg/s",
-        "rate at which a sensor that seems to rest still turns (standard deviation): a bias found at rest is no better known",
-        "ours: skin under a still hand's sensor turns while fingers move; VQF's 0.03 is for sensors laid down (docs/reproduction.md, drift)",
-        least=0.001,
-    )
-    rest_acc: float = option(
-        0.5, "m/s^2", "largest deviation of the acceleration that counts as rest", "VQF default (Laidig & Seel 2023)", least=0.01
-    )
-    tau_mag: float = option(
-        9.0, "s", "time constant of the magnetometer's correction of the heading", "VQF default (Laidig & Seel 2023)", least=0.01
-    )
-    gyr_reading: str = option(
-        "mean",
-        "",
-        "what a gyroscope's sample is: the mean rate since the one before, as filtered sensors give it, or the rate at its instant",
-        "ours: on ten real trials (BROAD) inclination 0.76 deg with mean, 0.94 deg with instant",
-        ("mean", "instant"),
-    )
-    mag_rejection: bool = option(
-        True,
-        "",
-        "leave the magnetometer out while its field differs in strength or dip from the one learnt",
-        "VQF default (Laidig & Seel 2023); the paper's filter has none",
-    )
-    max_gap: float = option(
-        0.25, "s", "longest stretch of missing samples that is bridged by interpolation", "ours: docs/methods.md, lost samples", most=1.0
-    )
 
 
 def start(
@@ -119,7 +75,7 @@ def _advance(
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
-    vqf, fused = _vqf(params, state.period), state.fused
+    vqf, fused = begun(params, state.period), state.fused
     if count and isinstance(fused, Together) and whole[:count].all():  # what is almost always so
         fused, q_GS = _go_on(params, fused, vqf, settled)
         flags = np.uint8(Flag.SATURATED) * limit[:count] | fused.headless
@@ -257,21 +213,6 @@ def _or_nan(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _vqf(params: FusionParams, period: float) -> VQF:
-    """The library's filter; each sensor's state is put into it in turn."""
-    return VQF(
-        period,
-        tauAcc=params.tau_acc,
-        motionBiasEstEnabled=params.motion_bias,
-        restBiasEstEnabled=params.rest_bias,
-        restThGyr=params.rest_gyr,
-        biasSigmaRest=params.rest_turn,
-        restThAcc=params.rest_acc,
-        tauMag=params.tau_mag,
-        magDistRejectionEnabled=params.mag_rejection,
-    )
-
-
 def _go_on(params: FusionParams, before: Together, vqf: VQF, block: Block) -> tuple[Together, Array]:
     """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
     samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
@@ -282,19 +223,11 @@ def _go_on(params: FusionParams, before: Together, vqf: VQF, block: Block) -> tu
     q_GS, filters = np.empty((len(t), len(samples), 4)), []
     for k, filter_state in enumerate(before.filter_states):
         vqf.state = filter_state
-        q_GS[:, k] = _updated(vqf, gyr[k], acc[k])
+        q_GS[:, k] = updated(vqf, gyr[k], acc[k])
         filters.append(vqf.state)
     previous, previous_t = (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
     newest = tuple(filters), samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
     return Together(before.begun, before.bias, before.headless, before.doubt, *newest), q_GS
-
-
-def _updated(vqf: VQF, gyr: Array, acc: Array) -> Array:
-    """Orientations (n, 4) by gyroscope and accelerometer; the library's call for many samples costs a single one three times as much."""
-    if len(gyr) == 1:
-        vqf.update(gyr[0], acc[0])
-        return np.asarray(vqf.getQuat6D())[None]
-    return np.asarray(vqf.updateBatch(gyr, acc)["quat6D"])
 
 
 def _after(sensor: SensorState, vqf: VQF, t: Array, samples: Array, q_GS: Array) -> SensorState:
@@ -321,7 +254,7 @@ def _filter(
     if _has_north(sensor, samples):
         q_GS, disturbed = _with_north(vqf, sensor, gyr, acc, samples[:, 6:])
     else:
-        q_GS, disturbed = _updated(vqf, gyr, acc), np.zeros(last - first, bool)
+        q_GS, disturbed = updated(vqf, gyr, acc), np.zeros(last - first, bool)
     return _after(sensor, vqf, block.t[first:last], samples, q_GS[-1]), q_GS, disturbed & params.mag_rejection
 
 
