@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fusion_filters import Filters
 from estimators.quaternions import Array
 from estimators.samples import Block, Stream
 from estimators.trajectory import Flag
@@ -56,7 +57,7 @@ class Together:
     bias: Array  # (sensors, 3)
     headless: NDArray[np.uint8]  # (sensors,)
     doubt: Array  # (sensors,)
-    filter_states: tuple[Mapping[str, Any], ...]
+    filters: Filters
     last: Array  # (sensors, 6)
     last_t: float
     q_GS: Array  # (sensors, 4)
@@ -67,7 +68,7 @@ class Together:
         """The sensors as they are now."""
         if self.previous is None:
             return self.begun
-        newest = zip(self.begun, self.filter_states, self.last, self.previous, self.q_GS)
+        newest = zip(self.begun, self.filters.states(), self.last, self.previous, self.q_GS)
         return tuple(
             replace(s, filter_state=f, last=last, last_t=self.last_t, previous=before, previous_t=self.previous_t, q_GS=q)
             for s, f, last, before, q in newest

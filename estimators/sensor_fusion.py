@@ -18,8 +18,8 @@ from vqf import VQF
 
 from estimators import quaternions as quat
 from estimators.bridging import bridge, missed
+from estimators.fusion_filters import Filters, Kept, begun, updated
 from estimators.fusion_filters import FusionParams as FusionParams
-from estimators.fusion_filters import begun, updated
 from estimators.fusion_state import Oriented as Oriented
 from estimators.fusion_state import SensorState, Together
 from estimators.fusion_state import StreamState as StreamState
@@ -75,33 +75,31 @@ def _advance(
 ) -> tuple[StreamState, Oriented]:
     """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the sensor's limit."""
     settled, held = Block(block.stream, block.t[:count], block.values[:count]), Block(block.stream, block.t[count:], block.values[count:])
-    vqf, fused = begun(params, state.period), state.fused
+    fused = state.fused
     if count and isinstance(fused, Together) and whole[:count].all():  # what is almost always so
-        fused, q_GS = _go_on(params, fused, vqf, settled)
+        fused, q_GS = _go_on(params, fused, state.period, settled)
         flags = np.uint8(Flag.SATURATED) * limit[:count] | fused.headless
         doubt = np.repeat(fused.doubt[None], count, axis=0)
     else:
         flags = np.uint8(Flag.SATURATED) * limit[:count] | np.uint8(Flag.MISSING) * ~(whole | limit)[:count]
-        sensors, q_GS, doubt = [], np.empty((count, whole.shape[1], 4)), np.empty((count, whole.shape[1]))
+        vqf, sensors, q_GS, doubt = begun(params, state.period), [], np.empty((count, whole.shape[1], 4)), np.empty((count, whole.shape[1]))
         for k, sensor in enumerate(state.sensors):
             after, q_GS[:, k], more, doubt[:, k] = _fuse(params, sensor, vqf, block, whole[:, k], k, count)
             flags[:, k] |= more
             sensors.append(after)
-        fused = _joined(tuple(sensors), block.values)
+        fused = _joined(params, state.period, tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
     after_all = StreamState(state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:])
     return after_all, Oriented(settled.t, q_GS, flags, doubt, sampled[:count])
 
 
-def _joined(sensors: tuple[SensorState, ...], samples: Array) -> tuple[SensorState, ...] | Together:
+def _joined(params: FusionParams, period: float, sensors: tuple[SensorState, ...], samples: Array) -> tuple[SensorState, ...] | Together:
     """The sensors together where all go on, and from gyroscope and accelerometer alone."""
     if not sensors or not all(s.goes_on and not _has_north(s, samples) for s in sensors):
         return sensors
-    columns = ([getattr(s, name) for s in sensors] for name in ("bias", "headless", "doubt", "filter_state", "last", "q_GS"))
-    bias, headless, doubt, filters, last, q_GS = columns
-    return Together(
-        sensors, np.array(bias), np.array(headless), np.array(doubt), tuple(filters), np.array(last), sensors[0].last_t, np.array(q_GS)
-    )
+    filters = Filters(params, period, tuple(Kept(s.filter_state, 0) for s in sensors if s.filter_state is not None))
+    bias, headless, doubt, last, q_GS = (np.array([getattr(s, n) for s in sensors]) for n in ("bias", "headless", "doubt", "last", "q_GS"))
+    return Together(sensors, bias, headless, doubt, filters, last, sensors[0].last_t, q_GS)
 
 
 def _with_held(state: StreamState, block: Block, sampled: NDArray[np.bool_]) -> tuple[Block, NDArray[np.bool_]]:
@@ -213,20 +211,19 @@ def _or_nan(sample: Array | None) -> Array:
     return np.full(6, np.nan) if sample is None else sample
 
 
-def _go_on(params: FusionParams, before: Together, vqf: VQF, block: Block) -> tuple[Together, Array]:
+def _go_on(params: FusionParams, before: Together, period: float, block: Block) -> tuple[Together, Array]:
     """All sensors over complete samples, orientations (n, sensors, 4): what is alike of all is done at once."""
     samples, t = np.ascontiguousarray(block.values[..., :6].swapaxes(0, 1)), block.t
     rates = samples[..., :3]
     if params.gyr_reading != "mean":
         rates = _midway(before.last[:, None, :3], rates)
     gyr, acc = rates - before.bias[:, None], samples[..., 3:].copy()
-    q_GS, filters = np.empty((len(t), len(samples), 4)), []
-    for k, filter_state in enumerate(before.filter_states):
-        vqf.state = filter_state
-        q_GS[:, k] = updated(vqf, gyr[k], acc[k])
-        filters.append(vqf.state)
+    filters = before.filters
+    if filters.params is not params:  # saved and loaded, or other options from here on
+        filters = Filters(params, period, tuple(Kept(state, 0) for state in filters.states()))
+    filters, q_GS = filters.gone_on(gyr, acc)
     previous, previous_t = (samples[:, -2].copy(), float(t[-2])) if len(t) > 1 else (before.last, before.last_t)
-    newest = tuple(filters), samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
+    newest = filters, samples[:, -1].copy(), float(t[-1]), q_GS[-1].copy(), previous, previous_t
     return Together(before.begun, before.bias, before.headless, before.doubt, *newest), q_GS
 
 

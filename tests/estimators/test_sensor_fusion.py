@@ -1,5 +1,6 @@
 """Gaps, saturation and cuts: what the filter of a stream must survive."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -133,6 +134,33 @@ def test_gaps_of_two_sensors_that_overlap_are_both_bridged_wherever_the_block_en
     block = _with_gaps(_turning(), [(0, 90, 20), (1, 85, 10)])
     for end in range(86, 112):
         assert not (_oriented(cut(block, [end])).flags & Flag.HEADING_LOST).any(), f"cut at {end}"
+
+
+@pytest.mark.parametrize("length", [1, 2, 5])  # samples a block: a filter's state is read less often than it goes on
+def test_any_state_may_be_gone_on_from_more_than_once_and_saved(length: int) -> None:
+    parts = list(_turning().parts(length))
+    states, given = [sensor_fusion.start(STREAM, LEVEL, {})], []
+    for part in parts:
+        state, oriented = sensor_fusion.step(PARAMS, states[-1], part)
+        states.append(state)
+        given.append(oriented.q_GS)
+    for from_where in range(0, len(parts) - 1, 7):
+        for state in (states[from_where], pickle.loads(pickle.dumps(states[from_where]))):
+            for k in (from_where, from_where + 1):
+                state, again = sensor_fusion.step(PARAMS, state, parts[k])
+                np.testing.assert_array_equal(again.q_GS, given[k], err_msg=f"block {k}, gone on from block {from_where}")
+
+
+def test_options_may_change_from_block_to_block() -> None:
+    leaning = _turning()
+    leaning.values[..., 3] = 2.0  # the accelerometers say so, the pose does not: how fast they are believed is an option
+    first, second = cut(leaning, [N // 2])
+    state, _ = sensor_fusion.step(PARAMS, sensor_fusion.start(STREAM, LEVEL, {}), first)
+    for part in second.parts(1):
+        state, one_by_one = sensor_fusion.step(replace(PARAMS, tau_acc=0.5), state, part)
+    state, _ = sensor_fusion.step(PARAMS, sensor_fusion.start(STREAM, LEVEL, {}), first)
+    _, at_once = sensor_fusion.step(replace(PARAMS, tau_acc=0.5), state, second)
+    np.testing.assert_array_equal(one_by_one.q_GS[-1], at_once.q_GS[-1])
 
 
 def test_a_gap_still_open_at_the_end_is_no_loss_for_the_others() -> None:
