@@ -308,9 +308,11 @@ def _event(row: dict[str, str], where: str) -> Event:
 def _provenance(systems: list[System]) -> dict[str, Any]:
     wanted = {
         "Manufacturer": "manufacturer",
-        "TrackingSystemName": "device",
+        "ManufacturersModelName": "device",
         "DeviceSerialNumber": "device_id",
         "SoftwareVersions": "software",
         "TaskName": "task",
     }
-    return {ours: s.sidecar[theirs] for s in systems for theirs, ours in wanted.items() if s.sidecar.get(theirs) not in (None, MISSING)}
+    told = {ours: s.sidecar[theirs] for s in systems for theirs, ours in wanted.items() if s.sidecar.get(theirs) not in (None, MISSING)}
+    names = [s.sidecar["TrackingSystemName"] for s in systems if s.sidecar.get("TrackingSystemName") not in (None, MISSING)]
+    return {**({"device": names[0]} if len(names) == 1 else {}), **told}  # of several none is the device's

@@ -106,6 +106,7 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "SamplingFrequency": s.rate,
         "TrackingSystemName": name,
         "Manufacturer": str(recording.source.get("manufacturer", "Handscope")),
+        **({"ManufacturersModelName": str(recording.source["device"])} if recording.source.get("device") else {}),
         "DeviceSerialNumber": str(recording.source.get("device_id", "n/a")),
         "SoftwareVersions": str(recording.source.get("software", "n/a")),
         "TrackedPointsCount": len(s.sensors),

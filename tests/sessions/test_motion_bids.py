@@ -42,6 +42,7 @@ def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path, name: str)
     for point, q in written.mounting.items():
         np.testing.assert_allclose(read.mounting[point], q, atol=1e-15)
     assert read.source["recording"] == "sub-01/ses-02/motion/sub-01_ses-02_task-hand"
+    assert read.source.get("device") == written.source.get("device"), "no tracking system's name passes for the device's"
 
 
 def test_folder_and_zip_of_the_same_recording_have_the_same_checksum(tmp_path: Path) -> None:
