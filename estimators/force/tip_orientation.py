@@ -148,8 +148,9 @@ def _unbalanced(params: TipParams, tips: Tips, turn: Array, covariance: Array) -
     S = tips.force.shape[1]
     q = quat.multiply(quat.exp(turn), tips.q_GF)
     force, acc = quat.rotate(q, tips.force), quat.rotate(q, tips.acc)
+    read = np.isfinite(acc)
     with np.errstate(invalid="ignore"):
-        up = np.nanmean(acc, axis=1) if np.isfinite(acc).any() else np.tile([0.0, 0.0, 1.0], (len(tips.t), 1))
+        up = np.where(read, acc, 0.0).sum(axis=1) / read.sum(axis=1) if read.any() else np.tile([0.0, 0.0, 1.0], (len(tips.t), 1))
         up = up / np.linalg.norm(up, axis=1, keepdims=True)
     net = force.sum(axis=1)
     net = net - (net * up).sum(axis=1, keepdims=True) * up

@@ -93,6 +93,8 @@ def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(headin
     between = found.turn[100:, 1, 2].mean() - found.turn[100:, 0, 2].mean()
     assert between == pytest.approx(heading_deg * DEG, abs=2 * DEG)
     assert np.median(found.unbalanced) < 1.0
+    tips.acc[150] = np.nan  # an instant at which no inertial sensor answered
+    assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[0].tolist() == [150]
 
 
 def test_a_force_that_nobody_measures_does_not_balance() -> None:
