@@ -1,5 +1,6 @@
 """Measures without a section of their own: figures by name, the trials of a task side by side, for reports and pages alike."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,6 +20,8 @@ from estimators.measures.figure import Figure
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one
 
+REPEATED = 3  # rows of one reason from which it is told once, below the table
+
 
 def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
     """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
@@ -36,8 +39,9 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
     for f in (f for t in trials for f in t.result.figures if not f.detail):
         figures.setdefault(f.name, []).append(f)
     rows, about = [_row(each, language) for each in figures.values()], [(each[0].what, each[0].part) for each in figures.values()]
-    alike = {row[-1] for row in rows}
-    shared = alike.pop() if len(alike) == 1 and len(rows) > 1 else ""
+    shared = _shared([row[-1] for row in rows])
+    below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
+    shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
     norms = [norm_told(what, part, trials[0].result.task, language) for what, part in about]
     return {
         "name": trials[0].result.task,
@@ -45,9 +49,9 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
         "task": span_words(trials, language) + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
         "grading": trials[0].grading,
         "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
-        "rows": [[*row[:-1], "" if shared else row[-1]] for row in rows],
-        "reason": shared,  # of every row
-        "reasons": any(row[-1] for row in rows) and not shared,
+        "rows": shown,
+        "reason": shared,  # of all rows, or of those that point to it
+        "reasons": any(row[-1] for row in shown),
         "about": about,
         "norms": norms,
         "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
@@ -56,6 +60,15 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
         "marks": language.known(f"marks.{trials[0].result.measure}", ""),  # what the lines upright mean
         "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
     }
+
+
+def _shared(reasons: Sequence[str]) -> str:
+    """The reason that stands in every row, else that of most rows where it would be read REPEATED times and more; "" where none does."""
+    told = Counter(reason for reason in reasons if reason)
+    if len(reasons) < 2 or not told:
+        return ""
+    reason, count = told.most_common(1)[0]
+    return reason if count == len(reasons) or count >= REPEATED else ""
 
 
 def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[Panel]]]:

@@ -30,6 +30,7 @@ def summary(content: Content, language: Language) -> list[str]:
         *_absent(content, language),
         *([_reference(full, language), *_other(content, full, language)] if full else []),
         *_tapping(content, language),
+        *_reach(content, language),
         *([_changes(content.changes, language)] if content.changes else []),
         _signal(content, language),
     ]
@@ -129,6 +130,33 @@ def _tapping(content: Content, language: Language) -> list[str]:
             which = "summary.tapping.smaller" if ratio < 0 else "summary.tapping.larger"
             words += " " + language.say(which, share=language.number(abs(100 * ratio)))
         said.append(words)
+    return said
+
+
+def _reach(content: Content, language: Language) -> list[str]:
+    """Means over the trials of each reaching task: how far, on what way, within what volume, and what the trunk did."""
+    said = []
+    for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == "reach"):
+        trials = [t for t in content.tasks if t.title == title and t.result.measure == "reach"]
+        task = language.heard(title)
+        distance, straightness, farthest = (_mean(trials, f"reach_{name}") for name in ("distance", "straightness", "farthest"))
+        if np.isfinite([distance, straightness, farthest]).all():
+            longer = language.number(max(0.0, 100 * (straightness - 1)))
+            far = {"distance": language.number(1e2 * distance), "farthest": language.number(1e2 * farthest)}
+            said.append(" ".join([language.say("summary.reach", task=task, longer=longer, **far), *_of_trunk(trials, language)]))
+        elif reason := next((f.reason for t in trials for f in t.result.figures if f.name == "reach_distance" and f.reason), ""):
+            said.append(language.say("summary.reach.none", task=task, reason=language.heard(reason)))
+    return said
+
+
+def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
+    """The volume of the places that were reached, the trunk's lean and how far that carried it; what is not known is left out."""
+    volume, lean, forward = (_mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward"))
+    said = [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))] if np.isfinite(volume) else []
+    if np.isfinite(lean):
+        key = "summary.reach.trunk" if np.isfinite(forward) else "summary.reach.lean"
+        facts = {"forward": language.number(1e2 * forward)} if np.isfinite(forward) else {}
+        said.append(language.say(key, lean=language.number(lean * DEG), **facts))
     return said
 
 

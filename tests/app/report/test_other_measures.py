@@ -1,5 +1,6 @@
 """Measures without a section of their own: trials side by side, in words, with what others measured."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
@@ -8,6 +9,7 @@ from app.language import language
 from app.report.content import Task
 from app.report.gradings import graded, uninjured
 from app.report.other_measures import norm_told, other_measures
+from app.report.summary import summary
 from estimators.measures import total_active_motion
 from estimators.measures.assessment import TaskResult, assess
 from estimators.measures.figure import Figure, Grade
@@ -69,6 +71,42 @@ def test_a_reach_says_that_its_path_is_no_way_through_the_room() -> None:
     assert said["en"][0].startswith("The glove does not know where the hand is in the room")
     assert said["de"][0].startswith("Der Handschuh weiß nicht, wo im Raum die Hand ist")
     assert [limits[1] for limits in said.values()] == ["", ""]
+
+
+def _reached(*figures: tuple[str, float, str]) -> Task:
+    """A trial of a reach with these figures: name, value, reason."""
+    made = tuple(Figure(f"reach_{name}", value, "1", "a source", what=f"reach_{name}", reason=why) for name, value, why in figures)
+    return Task(TaskResult("reach", "reach", 0.0, 10.0, None, made), "Reach for a cup", "Reach", None)
+
+
+@pytest.mark.parametrize(
+    ("trunk", "words"),
+    [
+        ((), "trunk's sensor."),
+        ((("trunk_lean", 0.1, ""),), "trunk's sensor. The trunk leans 6° meanwhile."),
+        (
+            (("volume", 0.0123, ""), ("trunk_lean", 0.1, ""), ("trunk_forward", 0.04, "")),
+            "trunk's sensor. The places reached span 12.3 litres. The trunk leans 6° meanwhile, which carries its sensor 4 cm forward.",
+        ),
+    ],
+)
+def test_a_reach_is_told_in_short_with_what_is_known_of_it(trunk: tuple[tuple[str, float, str], ...], words: str) -> None:
+    task = _reached(("distance", 0.28, ""), ("straightness", 1.07, ""), ("farthest", 0.51, ""), *trunk)
+    said = summary(replace(report(session()), tasks=[task]), language("en"))
+    told = "Reach for a cup: the hand reaches 28 cm, on a way 7 % longer than straight, and comes as far as 51 cm from the "
+    assert told + words in said
+
+
+def test_without_a_magnet_a_reach_says_in_short_why_it_has_no_metres_and_the_table_says_it_once() -> None:
+    why = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
+    unknown = [(name, float("nan"), why) for name in ("distance", "way", "straightness")]
+    task = _reached(("time", 0.9, ""), ("peak_speed", 1.0, "another"), *unknown)
+    assert f"Reach for a cup: how far the hand reaches is not known ({why})." in summary(
+        replace(report(session()), tasks=[task]), language("en")
+    )
+    (section,) = other_measures([task], language("en"))
+    assert section["reason"] == why and section["reasons"]
+    assert [row[-1] for row in section["rows"]] == ["", "another", *["see below the table"] * 3]
 
 
 def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> None:
