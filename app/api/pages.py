@@ -1,5 +1,7 @@
 """The pages: one document whose modules draw what the address names, and the 3-D scene of a station."""
 
+import asyncio
+import time
 from pathlib import Path
 
 from fastapi import APIRouter, Request, WebSocket
@@ -13,6 +15,7 @@ from estimators.errors import InputError
 
 router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent
+OPENING = 10.0  # s that a viewer waits for a scene whose process begins
 PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help", "/account", "/audit")
 
 
@@ -39,4 +42,7 @@ async def scene_socket(websocket: WebSocket, name: str) -> None:
     except InputError:
         await websocket.close(4404, "no such station")
         return
+    until = time.monotonic() + OPENING
+    while not scene.port and time.monotonic() < until:
+        await asyncio.sleep(0.05)
     await bridge.bridge(websocket, scene.port, scene.secret)

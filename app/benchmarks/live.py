@@ -96,13 +96,16 @@ def _socket(client: Client, path: str, *protocols: Subprotocol) -> connect:
 
 
 def _cpu(pid: int) -> float:
-    """CPU seconds of a process and its children so far."""
-    total = 0.0
+    """CPU seconds of a process and its descendants so far."""
+    seconds, parents = {}, {}
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rsplit(")", 1)[1].split()
         except OSError:
             continue
-        if int(path.parent.name) == pid or int(fields[1]) == pid:
-            total += (int(fields[11]) + int(fields[12])) / TICKS
-    return total
+        one = int(path.parent.name)
+        seconds[one], parents[one] = (int(fields[11]) + int(fields[12])) / TICKS, int(fields[1])
+    family = {pid}
+    while more := {one for one, parent in parents.items() if parent in family} - family:
+        family |= more
+    return sum(seconds.get(one, 0.0) for one in family)

@@ -1,7 +1,7 @@
 """A live station: one glove, one patient's session, one scene, led by the wizard.
 
 glove thread:    bytes are recorded, decoded, handed to the tracker (never waits)
-tracker thread:  newest pose -> scene, curve
+tracker thread:  newest pose -> curve, notice to viewers, scene (in a process of its own)
 station thread:  facts -> wizard -> orders, ghost, notice to viewers, 10 times a second
 requests:        `act` leaves a person's wish, `snapshot` tells where things stand
 """
@@ -28,7 +28,7 @@ from app.live.tracking import Tracking
 from app.live.viewers import Viewers
 from app.live.whereabouts import Whereabouts
 from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
-from app.scene.hand_scene import HandScene
+from app.scene.scene_apart import SceneApart
 from app.version import software_version
 from estimators import calibration_quality
 from estimators.calibration import Calibration
@@ -60,7 +60,7 @@ class Station:
 
     def __init__(self, name: str, setup: Setup, on_finish: Callable[["Station"], None]) -> None:
         self.name, self.setup = name, setup
-        self.scene = HandScene(setup.hand, setup.geometry)
+        self.scene = SceneApart(setup.hand, setup.geometry)
         self.curve = Curve()
         self.latest: Trajectory | None = None  # the newest row
         self._drawing = threading.Lock()
@@ -95,9 +95,10 @@ class Station:
         self.free = FreeMovement(self.glove, self.tracking, self._number, setup.keep_found)
 
     def __enter__(self) -> "Station":
+        self.scene.measured(())
+        self.scene.__enter__()
         self.tracking.__enter__()
         self.glove.__enter__()
-        self.scene.measured(())
         self._thread = threading.Thread(target=self._run, name=f"station {self.name}", daemon=True)
         self._thread.start()
         return self
@@ -171,8 +172,9 @@ class Station:
                     self._do(orders, facts)
                     self._move_freely(facts)
                     self._wiggle(facts)
-                    self._draw(facts)
-                    self._place()
+                    with self.scene.picture():
+                        self._draw(facts)
+                        self._place()
                     if self._wizard.state is State.TASK_RUN:
                         self.held.follow(str(self._wizard.task), self._wizard.onset)
                     self._tell(facts)

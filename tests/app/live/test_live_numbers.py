@@ -1,6 +1,5 @@
 """The numbers of an attempt count over all of it and stay while the clinician decides."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,13 +40,12 @@ def setup_of(folder: Path) -> Setup:
 
 
 @pytest.fixture
-def station(tmp_path: Path) -> Iterator[Station]:
+def station(tmp_path: Path) -> Station:
     """A station whose glove was never opened, in its tasks."""
     setup = setup_of(tmp_path)
     made = Station("test", setup, lambda _: None)
     made.curve.follow("aperture")
-    yield made
-    made.scene.close()
+    return made
 
 
 def moved(station: Station, start: float, stop: float, wide: float = WIDEST, narrow: float = NARROWEST) -> None:

@@ -56,7 +56,7 @@ def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> N
         with scene.picture():
             scene.show(angles, None)
         for viewer in (one, two):
-            while not any(_turns(m, "/hand/index", 4, tip) for m in _messages(viewer.recv(timeout=10))):
+            while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=10))):
                 pass
 
 
@@ -102,7 +102,7 @@ def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: S
         for k in range(300):
             scene.show(postures.relaxed() + 0.001 * k, None)
         tip = bones.pose(postures.relaxed() + 0.001 * 299, sized("left"))[0][bones.BONE["index_distal"]]
-        while not any(_turns(m, "/hand/index", 4, tip) for m in _messages(reader.recv(timeout=10))):
+        while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=10))):
             pass
 
 
@@ -129,7 +129,7 @@ def test_a_host_that_is_none_gets_no_policy(host: str) -> None:
         bridge.policy(host)
 
 
-def _messages(batch: str | bytes) -> list[dict[str, Any]]:
+def messages_of(batch: str | bytes) -> list[dict[str, Any]]:
     """viser's messages in one web socket message: two lengths, then msgpack packed by zstd, then arrays."""
     assert isinstance(batch, bytes)
     packed = int.from_bytes(batch[8:16], "little")
@@ -137,7 +137,7 @@ def _messages(batch: str | bytes) -> list[dict[str, Any]]:
     return found
 
 
-def _turns(message: dict[str, Any], mesh: str, bone: int, wxyz: Array) -> bool:
+def turns(message: dict[str, Any], mesh: str, bone: int, wxyz: Array) -> bool:
     is_it = (message["type"], message.get("name"), message.get("bone_index")) == ("SetBoneOrientationMessage", mesh, bone)
     return is_it and np.allclose(message["wxyz"], wxyz, atol=1e-6)
 
