@@ -17,7 +17,7 @@ from app.language import Language
 from app.live.stations import AnyStation
 from app.report import self_calibration
 
-PULSE = 1 / 60  # s: at most one message to a viewer in each
+PULSE = 1 / 120  # s: at most one message to a viewer in each; shorter than the 10 ms between two poses, so that hardly a pose waits
 SPOKEN = (
     "title",
     "instruction",

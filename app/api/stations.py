@@ -8,7 +8,7 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from app.api.bulletins import PULSE, spoken, until_next
+from app.api.bulletins import spoken, until_next
 from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from app.api.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
 from app.devices import ports
@@ -93,19 +93,16 @@ async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
 
 
 async def _tell(websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]") -> None:
-    """At most one message in each PULSE, and that with a pose that just came; a viewer who is slow misses poses, none of the curve's points."""
+    """Each pose as it comes, at most one in each PULSE; a viewer who is slow misses poses, none of the curve's points."""
     bulletin = parts(websocket).bulletins.of(station, language)
     number, newest = None, -1e9
     with bulletin.news(station) as news:
         while not reader.done():
-            missed = news.is_set()
-            news.clear()
             try:
-                async with asyncio.timeout(PULSE if missed else LOOK):
+                async with asyncio.timeout(LOOK):
                     await news.wait()
             except TimeoutError:
-                if not missed:
-                    continue
+                continue
             news.clear()
             pulse, newest = bulletin.beat(station, newest)
             before, (number, full) = number, bulletin.snapshot(station, language)
