@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 PORT ?= 8420
 export OPENBLAS_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Modules are compiled once, not again by every process that starts
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test check audit tests browser lock bench faults fuzz soak clean
 
