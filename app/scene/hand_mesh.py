@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,12 +12,15 @@ from app.scene.nail_mesh import nail
 from app.scene.palm_mesh import palm
 from app.scene.palm_shape import Root, palm_shape
 from app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated, merged, mirrored
-from estimators.hand_anatomy import CHAINS, FINGERS
+from estimators.hand_anatomy import CHAINS, FINGERS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 
 _GHOST_OVER = 0.8e-3  # m, the ghost lies this far over the hand, so that the two do not flicker where they agree
 _FIRST_JOINT = 6e-3  # m, where a finger drawn from its first joint begins
+_KEPT = 8  # hands
+Lengths = tuple[tuple[str, float], ...]
+Places = tuple[tuple[str, tuple[float, float, float]], ...]
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,22 @@ class HandMesh:
 
 
 def hand_mesh(geometry: HandGeometry) -> HandMesh:
-    """Build the hand; the right hand is the left one mirrored."""
+    """The hand; the right one is the left one mirrored. Building takes most of a second: those of the last few geometries are kept, read-only."""
+    joints = tuple((joint, tuple(place)) for joint, place in geometry.joint_positions.items())
+    return _built(geometry.hand, tuple(geometry.lengths.items()), joints, tuple(geometry.tip_tissue.items()), geometry.palm_length)
+
+
+@lru_cache(maxsize=_KEPT)
+def _built(hand: Hand, lengths: Lengths, joints: Places, tip_tissue: Lengths, palm_length: float) -> HandMesh:
+    geometry = HandGeometry(hand, dict(lengths), dict(joints), dict(tip_tissue), palm_length)
+    built = _hand(geometry)
+    for mesh in (built.palm, built.cuff, *built.fingers.values(), *built.nails.values(), *built.whole_fingers.values()):
+        for array in (mesh.vertices, mesh.faces, mesh.weights):
+            array.flags.writeable = False
+    return built
+
+
+def _hand(geometry: HandGeometry) -> HandMesh:
     shape = palm_shape(geometry)
     side = _same if geometry.hand == "left" else mirrored
     return HandMesh(
