@@ -95,6 +95,12 @@ def heed_the_server_alone() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def heed_the_terminal() -> None:
+    """First in a process of this CONTEXT that works for a command: Ctrl-C and a request to end reach it as well."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _serve(pipe: Connection, environment: Mapping[str, str], begin: Callable[..., None], arguments: tuple[Any, ...]) -> None:
     """In the process: work until the pipe ends, in the environment that its parent has now: what it was forked from may be older."""
     heed_the_server_alone()

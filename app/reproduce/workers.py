@@ -1,6 +1,5 @@
 """Trials spread over the machine's cores, each core with one thread."""
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from app.reproduce import reproduction
+from app.working_process import CONTEXT, heed_the_terminal
 
 
 def measured(name: str, trials: Sequence[Any], jobs: int, hear: Callable[[float], None]) -> list[tuple[Any, Any]]:
@@ -29,7 +29,7 @@ def _here(name: str, trials: Sequence[Any]) -> Iterator[tuple[int, Any]]:
 
 def _spread(name: str, trials: Sequence[Any], jobs: int) -> Iterator[tuple[int, Any]]:
     """In `jobs` processes of their own, as they become ready; a trial that fails ends all."""
-    with ProcessPoolExecutor(min(jobs, len(trials)), multiprocessing.get_context("spawn"), _single_threaded) as pool:
+    with ProcessPoolExecutor(min(jobs, len(trials)), CONTEXT, _begin) as pool:
         futures = {pool.submit(_measure, name, trial): k for k, trial in enumerate(trials)}
         try:
             for future in as_completed(futures):
@@ -39,7 +39,8 @@ def _spread(name: str, trials: Sequence[Any], jobs: int) -> Iterator[tuple[int, 
             raise
 
 
-def _single_threaded() -> None:
+def _begin() -> None:
+    heed_the_terminal()
     threadpool_limits(1)
 
 
