@@ -1,24 +1,66 @@
-"""The demonstration as a program: however it is ended, its virtual gloves end with it."""
+"""The demonstration, as a program and as a process that was told to end: however it is ended, its virtual gloves end with it."""
 
+import os
 import signal
 import subprocess
 import sys
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 
+from app.cli import main
+from app.working_process import CONTEXT, heed_the_terminal
+
 WAIT = 30.0  # s until a test gives up
 
 
-@pytest.mark.parametrize(("told", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-def test_whoever_ends_the_demonstration_ends_its_gloves(told: signal.Signals, code: int, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "app.cli", "demo", "--no-browser", "--port", "0", "--data", str(tmp_path)]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
+def words(folder: Path) -> list[str]:
+    return ["demo", "--no-browser", "--port", "0", "--data", str(folder)]
+
+
+def gloves_of(folder: Path) -> list[Path]:
+    gloves = list((folder / "gloves").iterdir())
+    assert len(gloves) == 2
+    return gloves
+
+
+def test_ctrl_c_at_the_program_ends_its_gloves(tmp_path: Path) -> None:
+    program = [sys.executable, "-m", "app.cli", *words(tmp_path)]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
         assert demo.stdout is not None
         next(line for line in demo.stdout if line.startswith("Research use"))
-        gloves = list((tmp_path / "gloves").iterdir())
-        assert len(gloves) == 2
-        demo.send_signal(told)
+        gloves = gloves_of(tmp_path)
+        demo.send_signal(signal.SIGINT)
         _, errors = demo.communicate(timeout=WAIT)  # until nobody has the pipe any more: the gloves have it, too
-    assert (demo.returncode, errors) == (code, "")
+    assert (demo.returncode, errors) == (130, "")
     assert not any(glove.is_symlink() for glove in gloves)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
+def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
+    (out, its_out), (errors, its_errors) = CONTEXT.Pipe(duplex=False), CONTEXT.Pipe(duplex=False)
+    demo = CONTEXT.Process(target=_demo, args=(its_out, its_errors, tmp_path))
+    demo.start()
+    its_out.close(), its_errors.close()
+    with open(out.fileno(), closefd=False) as said, open(errors.fileno(), closefd=False) as complained:
+        next(line for line in said if line.startswith("Research use"))
+        gloves = gloves_of(tmp_path)
+        assert demo.pid is not None
+        os.kill(demo.pid, signal.SIGTERM)
+        assert complained.read() == ""  # until nobody has the pipe any more: the gloves have it, too
+    out.close(), errors.close()
+    demo.join(WAIT)
+    assert demo.exitcode == 143
+    assert not any(glove.is_symlink() for glove in gloves)
+
+
+def _demo(out: Connection, errors: Connection, folder: Path) -> None:
+    """In a process that has imported everything."""
+    heed_the_terminal()
+    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]  # what it was forked from serves its own processes, too
+    for stream, pipe in ((1, out), (2, errors)):
+        os.dup2(pipe.fileno(), stream)
+        pipe.close()
+    raise SystemExit(main(words(folder)))
