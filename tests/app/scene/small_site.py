@@ -14,6 +14,12 @@ from app.scene import bridge
 from app.scene.hand_scene import HandScene
 
 COOKIE = {"name": "session", "value": "known"}
+PICTURE = 1.0  # s between two pictures: without a graphics card each takes half a second of both cores
+SELDOM = f"""
+  const drawn = window.requestAnimationFrame;
+  window.requestAnimationFrame = (draw) => setTimeout(() => drawn(draw), {1000 * PICTURE});
+  window.cancelAnimationFrame = clearTimeout;
+"""
 
 
 @dataclass
@@ -50,12 +56,12 @@ def site(scene: HandScene, with_policy: bool = True) -> Iterator[Site]:
         listener.close()
 
 
-def eventually(condition: Callable[[], object], within: float = 30.0) -> object:
-    """Ask until the answer is true, and return it."""
+def eventually(condition: Callable[[], object], within: float = 30.0, every: float = 0.02) -> object:
+    """Ask every so many s until the answer is true, and return it."""
     end = time.monotonic() + within
     while not (answer := condition()):
         assert time.monotonic() < end, "it never came true"
-        threading.Event().wait(0.02)
+        threading.Event().wait(every)
     return answer
 
 

@@ -14,7 +14,7 @@ from websockets.http11 import Request, Response
 
 from app.scene.bridge import PROTOCOL
 from app.scene.hand_scene import HandScene
-from tests.app.scene.small_site import COOKIE, Site, eventually, site
+from tests.app.scene.small_site import COOKIE, SELDOM, Site, eventually, site
 
 pytestmark = pytest.mark.browser
 
@@ -64,6 +64,7 @@ def following(browser: Browser, where: Site, query: str) -> Iterator[tuple[Page,
     """Somebody logged in follows a link; what the page then writes on its console."""
     context, said = browser.new_context(viewport={"width": 320, "height": 240}), []
     context.add_cookies([{**COOKIE, "url": f"http://{where.host}"}])  # type: ignore[list-item, typeddict-item]
+    context.add_init_script(SELDOM)
     page = context.new_page()
     page.on("console", lambda line: said.append(line.text))
     page.goto(where.address + query)

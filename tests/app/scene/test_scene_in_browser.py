@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from app.scene.hand_scene import HandScene
 from estimators import quaternions as quat
 from estimators.hand_anatomy import FINGERS, JOINT
 from estimators.simulation import tasks
-from tests.app.scene.small_site import COOKIE, Site, eventually, site
+from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, Site, eventually, site
 
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
@@ -23,10 +24,26 @@ QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
 Mask = NDArray[np.bool_]
 
 
+@dataclass
+class Asked:
+    """What the shared page asked for until the hand was there: addresses, and the origins of its web sockets."""
+
+    addresses: list[str] = field(default_factory=list)
+    sockets: list[str] = field(default_factory=list)
+
+
 @pytest.fixture(scope="module")
-def page(browser: Browser, served: Site) -> Iterator[Page]:
-    """One page on the left hand's scene for all tests that need no page of their own: these come last, since it draws all the time."""
-    one = opened(browser, served)
+def asked() -> Asked:
+    return Asked()
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, served: Site, asked: Asked) -> Iterator[Page]:
+    """One page on the left hand's scene for all tests that need no page of their own: each costs seconds until its light is there."""
+    before = len(served.sockets)
+    one = opened(browser, served, hear=asked.addresses.append)
+    seen(one, hand_like)
+    asked.sockets += served.sockets[before:]
     yield one
     one.context.close()
 
@@ -44,12 +61,14 @@ def plain(scene: HandScene, right_scene: HandScene) -> None:
         each.show(postures.relaxed(), view.palm_down(each._hand))
 
 
-def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK) -> Page:
+def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: Callable[[str], None] = lambda url: None) -> Page:
     """The page of a scene, logged in, when the hand has come."""
     width, height = size
     context = browser.new_context(viewport={"width": width, "height": height})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
+    context.add_init_script(SELDOM)
     page = context.new_page()
+    page.on("request", lambda request: hear(request.url))
     page.goto(served.address)
     page.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=60_000)
     return page
@@ -73,14 +92,14 @@ class Picture:
 
 def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
     """Look until what is drawn is as wanted."""
-    picture = [Picture(page.screenshot())]
+    picture = [Picture(page.screenshot(timeout=90_000))]
 
     def looked() -> bool:
-        picture.append(Picture(page.screenshot()))
+        picture.append(Picture(page.screenshot(timeout=90_000)))
         return bool(condition(picture[-1]))
 
     try:
-        eventually(looked, within=90)
+        eventually(looked, within=90, every=PICTURE / 2)
     finally:
         if keep is not None:
             keep.write_bytes(picture[-1].png)
@@ -108,25 +127,30 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(browser: Browser, scene: Ha
     page.context.close()
 
 
-def test_left_and_right_are_told_apart(browser: Browser, scene: HandScene, right_scene: HandScene, served: Site, tmp_path: Path) -> None:
+def test_one_page_opens_one_socket_to_us_and_nothing_else(page: Page, asked: Asked, served: Site) -> None:
+    assert asked.sockets == [f"http://{served.host}"]
+    elsewhere = [url for url in asked.addresses if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
+    assert served.address in asked.addresses and elsewhere == []
+
+
+def test_left_and_right_are_told_apart(page: Page, browser: Browser, scene: HandScene, right_scene: HandScene, tmp_path: Path) -> None:
     sides = {}
     with site(right_scene) as other:
-        for name, each, where in (("left", scene, served), ("right", right_scene, other)):
+        right_page = opened(browser, other)
+        for name, each, where in (("left", scene, page), ("right", right_scene, right_page)):
             each.show(postures.angles_of(tasks.flat()), None)
-            page = opened(browser, where)
-            flat = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
+            flat = seen(where, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
             columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
             sides[name] = columns.max() + columns.min()  # the thumb reaches out
-            page.context.close()
+        right_page.context.close()
     assert sides["left"] > 25 and sides["right"] < -25  # palm down, a left hand's thumb is on the right
     assert sides["left"] == pytest.approx(-sides["right"], abs=5)
 
 
 def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
-    browser: Browser, scene: HandScene, served: Site, tmp_path: Path
+    page: Page, scene: HandScene, served: Site, tmp_path: Path
 ) -> None:
     """viser's own page goes blank: it falls over when it clears skinned meshes away."""
-    page = opened(browser, served)
     failures: list[str] = []
     page.on("pageerror", lambda error: failures.append(str(error)))
     resting = seen(page, hand_like)
@@ -136,20 +160,6 @@ def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     scene.show(postures.angles_of(tasks.spread()), None)
     seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
     assert failures == []
-    page.context.close()
-
-
-def test_one_page_opens_one_socket_to_us_and_nothing_else(browser: Browser, scene: HandScene, served: Site) -> None:
-    context = browser.new_context(viewport={"width": QUICK[0], "height": QUICK[1]})
-    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
-    page, asked, before = context.new_page(), [], len(served.sockets)
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(served.address)
-    seen(page, hand_like)
-    assert served.sockets[before:] == [f"http://{served.host}"]
-    elsewhere = [url for url in asked if not url.startswith((f"http://{served.host}/", "data:", "blob:"))]
-    assert elsewhere == []
-    context.close()
 
 
 def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
