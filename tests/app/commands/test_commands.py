@@ -18,6 +18,14 @@ from sessions import formats
 
 
 @pytest.fixture(scope="module")
+def processed(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the derivative that m2 made of it."""
+    folder = tmp_path_factory.mktemp("processed")
+    assert main(["process", str(simulated), "--method", "m2", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("simulated") / "tapping.zip"
     assert main(["simulate", "tapping", "--out", str(path), "--seed", "4", "--hand", "right"]) == 0
@@ -51,29 +59,27 @@ def test_a_time_limit_ends_in_a_sentence_and_leaves_nothing(simulated: Path, tmp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_process_writes_the_derivative_of_the_contract(simulated: Path, tmp_path: Path) -> None:
-    assert main(["process", str(simulated), "--method", "m2", "--out", str(tmp_path)]) == 0
-    columns, values = table(tmp_path, "desc-m2")
+def test_process_writes_the_derivative_of_the_contract(simulated: Path, processed: Path) -> None:
+    columns, values = table(processed, "desc-m2")
     assert columns[0] == "time"
     assert columns[1 : 1 + len(DOF_NAMES)] == list(DOF_NAMES)
     assert {"index_tip_x", "thumb_tip_z", "hand_quat_w", "little_distal_quat_z"} <= set(columns)
     assert len(values) == len(formats.load(simulated).samples["imu"].t)
-    sidecar = json.loads(next(tmp_path.rglob("*desc-m2_motion.json")).read_text())
+    sidecar = json.loads(next(processed.rglob("*desc-m2_motion.json")).read_text())
     assert {"method", "parameters", "software_version", "input_checksum", "calibration_quality", "warnings"} <= set(sidecar)
     assert sidecar["method"] == "m2"
-    calibration = json.loads(next(tmp_path.rglob("*desc-m2_calibration.json")).read_text())
+    calibration = json.loads(next(processed.rglob("*desc-m2_calibration.json")).read_text())
     assert {"segment_lengths", "sensor_to_segment", "gyr_bias", "acc_bias"} <= set(calibration)
     assert calibration["segment_lengths"]["index_middle"]["value"] == pytest.approx(0.0237, abs=0.002)
     assert np.linalg.norm(calibration["sensor_to_segment"]["index_middle"]["q_BS"]) == pytest.approx(1.0)
 
 
-def test_what_is_processed_is_near_the_truth_that_lies_beside_it(simulated: Path, tmp_path: Path) -> None:
+def test_what_is_processed_is_near_the_truth_that_lies_beside_it(simulated: Path, processed: Path, tmp_path: Path) -> None:
     import zipfile
 
-    assert main(["process", str(simulated), "--method", "m2", "--out", str(tmp_path / "out")]) == 0
     with zipfile.ZipFile(simulated) as archive:
         archive.extractall(tmp_path / "in")
-    columns, found = table(tmp_path / "out", "desc-m2")
+    columns, found = table(processed, "desc-m2")
     names, truth = table(tmp_path / "in" / "derivatives", "desc-truth")
     tips = [c for c in columns if "_tip_" in c and not c.endswith("_sd")]
     assert len(tips) == 15

@@ -180,7 +180,7 @@ def test_real_fingertips_of_an_optical_system_against_a_glove_that_moves_likewis
 @pytest.mark.parametrize("name", ["p.png", "p.pdf"])
 def test_the_plot_is_written_in_the_form_that_its_name_says(name: str, tmp_path: Path) -> None:
     t = np.arange(0, 10, 0.02)
-    a = angles(tmp_path / "a", t, movement(3, len(DOFS))(t))
+    a = angles(tmp_path / "a", t, movement(3, 2)(t))  # of two joint angles: each is a plot
     assert main(["compare", str(a), str(a), "--plot", str(tmp_path / name)]) == 0
     begins = {"p.png": b"\x89PNG", "p.pdf": b"%PDF"}[name]
     assert (tmp_path / name).read_bytes().startswith(begins)
