@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page
+from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
+from tests.browser import chromium
 from tests.journeys.house import ROOT, Server, api, begun, new_patient, shown
 
 SIZE = {"width": 1024, "height": 768}
@@ -30,6 +31,15 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
+@pytest.fixture(scope="package")
+def browser() -> Iterator[Browser]:
+    """One Chromium for all journeys: no test here has an event loop of its own."""
+    with sync_playwright() as tool:
+        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield one
+        one.close()
+
+
 @pytest.fixture
 def newcomer(browser: Browser) -> Iterator[Page]:
     """A browser that nobody has logged in."""
@@ -40,35 +50,39 @@ def newcomer(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]:
-    """Makes logged-in pages, with the 3-D scene or an empty one in its place; at the end none of them may have met an error."""
+    """Makes logged-in pages, opened at an address or not yet, with the 3-D scene or an empty one in its place; at the end none of them may have
+    met an error."""
     made: list[Page] = []
     complaints: list[str] = []
 
-    def make(scene: bool = True, **options: object) -> Page:
-        context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, **options})  # type: ignore[arg-type]
+    def make(scene: bool = True, at: str | None = "/", **options: object) -> Page:
+        context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, "base_url": server.base, **options})  # type: ignore[arg-type]
+        answer = context.request.post("/api/login", data={"token": server.token()})
+        assert answer.ok, answer.text()
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
         page.set_default_timeout(20_000)
         if not scene:  # drawing it without a graphics card takes a core
             page.route("**/scene/*/", lambda route: route.fulfill(body="<!doctype html><title>Hand</title>", content_type="text/html"))
-        page.goto(server.address())
+        if at is not None:
+            page.goto(at)
         made.append(page)
         return page
 
     yield make
     for page in made:
-        _leave_gloves(page, server)
+        _leave_gloves(page)
         page.context.close()
     assert complaints == []
 
 
-def _leave_gloves(page: Page, server: Server) -> None:
+def _leave_gloves(page: Page) -> None:
     """A test that failed in a session must not keep the glove from the next one."""
-    answer = page.request.get(f"{server.base}/api/stations")
+    answer = page.request.get("/api/stations")
     for station in answer.json() if answer.ok else ():
         if station["kind"] == "live":
-            page.request.delete(f"{server.base}/api/stations/{station['station']}", headers={"Origin": server.base})
+            page.request.delete(f"/api/stations/{station['station']}")
 
 
 def _expected(said: ConsoleMessage) -> bool:
@@ -79,20 +93,22 @@ def _expected(said: ConsoleMessage) -> bool:
 
 
 @pytest.fixture
-def page(another_page: Callable[..., Page]) -> Page:
-    return another_page()
+def page(another_page: Callable[..., Page], request: pytest.FixtureRequest) -> Page:
+    """At the list of patients, or with `patient` at that one's."""
+    return another_page(at=None if "patient" in request.fixturenames else "/")
 
 
 @pytest.fixture
 def page_without_scene(another_page: Callable[..., Page]) -> Page:
-    return another_page(scene=False)
+    """Not yet at any address."""
+    return another_page(scene=False, at=None)
 
 
 @pytest.fixture
-def patient(page: Page, server: Server) -> int:
+def patient(page: Page) -> int:
     """A patient of this test's own, with its page open."""
     found = new_patient(page)
-    page.goto(f"{server.base}/patients/{found}")
+    page.goto(f"/patients/{found}")
     return found
 
 
@@ -110,8 +126,8 @@ def processed(page: Page, server: Server, recording: Path) -> int:
     """A session with results, made once and found again."""
     if server.processed is None:
         sent = {"file": {"name": recording.name, "mimeType": "application/zip", "buffer": recording.read_bytes()}}
-        told = page.request.post(f"{server.base}/api/patients/1/recordings", multipart=sent, headers={"Origin": server.base}).json()
-        page.goto(f"{server.base}/sessions/{told['session']}")
+        told = api(page, "/api/patients/1/recordings", "POST", multipart=sent)
+        page.goto(f"/sessions/{told['session']}")
         shown(page.get_by_text("Finger tapping"))
         server.processed = told["session"]
     assert api(page, f"/api/sessions/{server.processed}")["state"] == "processed"

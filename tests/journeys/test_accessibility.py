@@ -41,7 +41,7 @@ def looked_at(page: Page, name: str) -> None:
 
 @pytest.fixture
 def page(another_page: Callable[..., Page]) -> Page:
-    return another_page(scene=False, bypass_csp=True)  # axe is put into the page as a script; the scene draws itself
+    return another_page(scene=False, at=None, bypass_csp=True)  # axe is put into the page as a script; the scene draws itself
 
 
 def test_login_page(newcomer: Page, server: Server, browser: object) -> None:
@@ -54,6 +54,7 @@ def test_login_page(newcomer: Page, server: Server, browser: object) -> None:
 
 
 def test_list_and_help_pages(page: Page, server: Server) -> None:
+    page.goto("/")
     shown(page.get_by_role("link", name="Demo patient"))
     page.get_by_role("button", name="New patient").click()
     looked_at(page, "patients")

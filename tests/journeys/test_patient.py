@@ -34,8 +34,7 @@ def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: P
 
 
 def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., Page], page: Page, patient: int) -> None:
-    other = another_page()
-    other.goto(page.url)
+    other = another_page(at=page.url)
     for window in (page, other):
         window.get_by_role("button", name="Change").click()
     page.get_by_label("Year of birth").fill("1961")
@@ -54,8 +53,7 @@ def test_two_windows_that_change_a_patient_are_told(another_page: Callable[..., 
 
 
 def test_what_two_windows_change_apart_is_kept_of_both(another_page: Callable[..., Page], page: Page, patient: int) -> None:
-    other = another_page()
-    other.goto(page.url)
+    other = another_page(at=page.url)
     for window, measure in ((page, "Hand length"), (other, "Palm length")):
         window.get_by_role("button", name="Change").click()
         window.get_by_text("Hand measures").click()

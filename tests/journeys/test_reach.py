@@ -34,7 +34,7 @@ def with_a_magnet(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., Page], server: Server, with_a_magnet: Path) -> None:
-    page = another_page(scene=False, bypass_csp=True)
+    page = another_page(scene=False, at=None, bypass_csp=True)
     name_port(page, f"{server.base}/patients/{new_patient(page)}", with_a_magnet)
     page.get_by_role("button", name="Start session").click()
     page.wait_for_url("**/stations/*")

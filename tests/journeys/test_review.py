@@ -90,9 +90,8 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
 def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
-    mine, other = another_page(scene=False), another_page(scene=False)
+    mine, other = (another_page(scene=False, at=f"/sessions/{processed}") for _ in range(2))
     for window in (mine, other):
-        window.goto(f"{server.base}/sessions/{processed}")
         shown(window.get_by_label("Notes on this session"))
     mine.get_by_label("Notes on this session").fill("calm")
     mine.get_by_role("button", name="Save notes").click()

@@ -42,7 +42,7 @@ def posed(page: Page) -> None:
 def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     another_page: Callable[..., Page], server: Server, one_finger: Path
 ) -> None:
-    page = another_page(scene=False, bypass_csp=True)
+    page = another_page(scene=False, at=None, bypass_csp=True)
     patient = new_patient(page)
     begin(page, server, patient, one_finger)
     shown(act(page, "continue")).click()

@@ -15,11 +15,10 @@ GHOST = "(seen) => window.__viserSceneTree.getState()['/ghost'].children.length 
 
 
 def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
-    left, right = another_page(viewport=SMALL), another_page(viewport=SMALL)
-    base = left.url
+    left, right = (another_page(at=None, viewport=SMALL) for _ in range(2))
     scenes: list[Frame] = []
     for page, hand in ((left, "left"), (right, "right")):
-        page.goto(f"{base}patients/{new_patient(page)}")
+        page.goto(f"/patients/{new_patient(page)}")
         begin_session(page, hand)
         scenes.append(scene_drawn(page))
     palms = [np.array(scene.evaluate(PALM)) for scene in scenes]
@@ -32,8 +31,7 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
     assert scenes[1].evaluate(GHOST, False), "the right hand's scene follows the left hand's session"
     shown(act(right, "continue"))
 
-    third = another_page(scene=False)
-    third.goto(f"{base}patients/1")
+    third = another_page(scene=False, at="/patients/1")
     for hand in ("left", "right"):
         expect(third.get_by_role("radio", name=f"Virtual {hand} glove")).to_be_disabled()
     end_session(left)
@@ -42,10 +40,10 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
 
 
 def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(another_page: Callable[..., Page]) -> None:
-    first, second = another_page(scene=False), another_page(scene=False)
-    first.goto(f"{first.url}patients/{new_patient(first)}")
+    first = another_page(scene=False, at=None)
+    first.goto(f"/patients/{new_patient(first)}")
     begin_session(first, "left")
-    second.goto(first.url)
+    second = another_page(scene=False, at=first.url)
     shown(act(second, "continue")).click()
     shown(first.get_by_role("heading", name="Initial pose"))
     end_session(second)
