@@ -92,14 +92,14 @@ def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float,
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
     start, lost = np.zeros(len(P)), P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
-        here, _, cost = magnetic(s, x, P, start, mag, 1.0)
-        there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0)
+        here, _, cost = magnetic(s, x, P, start, mag, 1.0, lost)
+        there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0, lost)
         start = here
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
             start, grown = np.zeros(len(P)), 1.0
-    dx, C, cost = magnetic(s, x, P, start, mag, grown)
+    dx, C, cost = magnetic(s, x, P, start, mag, grown, lost)
     out: Array = moved(x, dx)
     if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
         out = without(s, x, P, mag, dt)

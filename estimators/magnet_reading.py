@@ -4,6 +4,7 @@ In      state x and covariance P as magnet_filter.py has them, readings (magneto
 Out     readings and slopes; errors, covariance, what is missed
 Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from
         linear where the place is not well known
+Leaves  of a place that is known the slopes are those halfway to where the readings lead (docs/methods.md has why)
 """
 
 import math
@@ -90,13 +91,22 @@ def seen(x: Array, k: int, H: Array) -> Array:
 
 
 @inlined
-def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
-    """Iterated update from the linearisation at x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading)."""
+def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: float, lost: bool) -> tuple[Array, Array, float]:
+    """Iterated update from x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading).
+
+    Of a place that is `lost` the slopes are those where the readings lead to. Otherwise they are those halfway: over that way they tell the change of a
+    reading up to its second derivative, and take half as much of the readings' noise into themselves.
+    """
     dx, C, cost = start.copy(), P, 0.0
     rows = 3 * len(mag)
     H, h, missed, noise, new = np.zeros((rows, len(dx))), np.zeros((3, len(dx))), np.zeros(rows), np.zeros((rows, rows)), np.empty(len(dx))
+    expected = np.empty((len(mag), 3))
+    for k in range(len(mag)):
+        reads = seen(x, k, h)
+        for i in range(3):
+            expected[k, i] = reads[i]
     for iteration in range(ITERATIONS):
-        at = moved(x, dx)
+        at = moved(x, dx if lost else 0.5 * dx)
         for k in range(len(mag)):
             reads = seen(at, k, h)
             there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
@@ -106,8 +116,8 @@ def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: floa
                 for j in range(len(dx)):
                     H[row, j] = h[i, j] if there else 0.0
                 if there:
-                    noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i]
-                    for j in range(len(dx)):
+                    noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - (reads[i] if lost else expected[k, i])
+                    for j in range(len(dx) if lost else 0):
                         missed[row] += h[i, j] * dx[j]
         C = P.copy()
         cost = correct(C, missed, H, noise, new)
