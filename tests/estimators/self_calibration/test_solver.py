@@ -113,3 +113,12 @@ def test_a_sensor_that_slipped_is_named(with_skin: Solution) -> None:
     assert first.sensor == "index_middle"
     assert first.tilt == pytest.approx(np.radians(12.0), abs=np.radians(3.0))
     assert steadiness.slips(with_skin) == []
+
+
+def test_halves_of_a_stretch_begin_where_the_whole_has_its_minimum(with_skin: Solution) -> None:
+    """Wherever the hand has turned to by then: else a half would be asked before it came down, and called another."""
+    n = len(with_skin.problem)
+    for first, stop in ((0, n // 2), (n // 2, n)):
+        half = steadiness._half(with_skin, first, stop)
+        assert half.outcome == "converged"
+        assert half.costs[0] < 1.1 * half.costs[-1]
