@@ -5,6 +5,7 @@ solved       in a process of its own (solving.py); the wizard waits in FREE_WORK
 used         lengths and seats serve every pose from now on, and are kept with the patient: accepting is the decision
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -114,7 +115,7 @@ class FreeMovement:
             "meter": [
                 {
                     "joint": o.joint,
-                    "share": round(o.share, 2),
+                    "share": math.floor(100 * o.share) / 100,  # 1 is enough, and nothing less
                     "excursion_deg": round(float(np.degrees(o.excursion))),
                     "place_mm": round(1e3 * o.place_sd, 1),
                 }

@@ -11,7 +11,8 @@ const ROWS = [
 ];
 const MOVING = ["free_countdown", "free_run", "free_work"];
 const NAMED = 3; // joints that are named at a time
-const LITTLE = 0.6; // share of what is enough below which a joint is named
+const ENOUGH = 1; // share of what is enough below which a joint is named
+const LITTLE = 0.6; // below it a bar is not green
 
 export function mount(root, api, { station }) {
   const body = h("tbody", {});
@@ -35,7 +36,7 @@ export function mount(root, api, { station }) {
       const seen = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
       const rows = ROWS.filter(([, names]) => names.some((name) => seen[name]));
       body.replaceChildren(...rows.map(([finger, names]) => row(finger, names, seen)));
-      const few = joints.filter((joint) => joint.share < LITTLE).sort((a, b) => a.share - b.share);
+      const few = joints.filter((joint) => joint.share < ENOUGH).sort((a, b) => a.share - b.share);
       const named = few.slice(0, NAMED).map((joint) => nameOf(joint.joint)).join(", ");
       const told = few.length ? t(few.length > NAMED ? "free.more.all" : "free.more", { joints: named }) : t("free.enough");
       if (state !== "free_work") lacking.textContent = joints.length ? told : t("free.begins");
