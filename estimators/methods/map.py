@@ -145,7 +145,8 @@ def _together(
         return alone, [ALONE]
     drawn = zip(*hand_solver.draws(found, DRAWS))
     return [
-        _described(params, recording, f.name, f.t, limb, draws) for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
+        _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
+        for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
     ], []
 
 

@@ -108,6 +108,15 @@ def _spread(found: Array, variance: Array, believed: float) -> float:
     return float(np.sqrt((found**2).sum() / told)) if told > 1 else believed
 
 
+def strange_turns(problem: Problem, at: Unknowns) -> Array:
+    """How far each sensor turned otherwise than its gyroscope says (n-1, S), in the gyroscope's standard deviations."""
+    found = np.empty(problem.turn_sd.shape)
+    for start in range(0, len(found), CHUNK):
+        r = residuals.turning(problem, at, start, start + CHUNK).r
+        found[start : start + len(r)] = np.linalg.norm(r.reshape(len(r), -1, 3), axis=2) / np.sqrt(3)
+    return found
+
+
 def strange(problem: Problem, at: Unknowns) -> Array:
     """How far each sensor's acceleration is off (n, S) for what its neighbours say, in standard deviations of that; 0 at both ends."""
     n, a = len(problem), problem.chain.incidence

@@ -106,6 +106,11 @@ def told(asked: Asked, finger: Finger) -> list[str]:
             f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
             " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
         )
+    for s, name in enumerate(found.problem.chain.sensors):
+        if at := [float(finger.t[jolt.sample]) for jolt in found.jolts if jolt.sensor == s]:
+            said.append(
+                f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; there accelerations say how it turned"
+            )
     said += _doubted(found.problem)
     for segment in finger.segments.p_BS:
         if segment not in beside_stiff and not findings.placed(asked, finger, segment):

@@ -137,6 +137,25 @@ def test_a_last_sensor_that_falls_silent_costs_its_own_segment_alone(spoke: int)
     assert (np.isnan(of_dip) | (of_dip > 30.0 * DEG)).all()
 
 
+def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
+    """One sample of three sensors off by hundreds of deg/s: a turn of some degrees that never was."""
+    recording, rng = recorded(2, 12.0, skin=True), np.random.default_rng(102)
+    values, knocks = recording.samples["imu"].values.copy(), {1: 7.57, 2: 7.94, 3: 8.31}
+    for row, at in knocks.items():
+        values[round(100 * at), row, :3] += 300 * DEG * rng.standard_normal(3)
+    done = process(METHOD, METHOD.Params(), _with(recording, values))
+    for row, at in knocks.items():
+        said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations 1 times, first at {at:.1f} s"
+        assert any(w.startswith(said) for w in done.warnings)
+    assert not any(word in w for w in done.warnings for word in ("movement says otherwise", "off its nominal", "not observable"))
+    moved, truth = done.trajectory, recording.truth
+    assert moved.angles_sd is not None
+    for joint in ("index_mcp", "index_pip", "index_dip"):
+        off, sd = (a[:, JOINT[joint], FLEXION] for a in (moved.angles - truth.angles, moved.angles_sd))
+        assert np.sqrt(np.mean((off / sd) ** 2)) < 2.0
+        assert np.std(off) < 0.5 * DEG
+
+
 def test_a_finger_of_which_the_first_sensor_is_silent_is_refused_by_name() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = recording.samples["imu"].values.copy()
