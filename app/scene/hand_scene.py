@@ -4,6 +4,7 @@ One HandScene owns one viser server and belongs to one station. Every method may
 is what viewers see (at about 57 Hz, or at once after a `picture`), and a viewer who comes later sees the same.
 """
 
+import asyncio
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -177,6 +178,14 @@ class HandScene:
         with self._server.atomic():
             yield
         self._server.flush()
+
+    def in_its_thread(self, draw: Callable[[], None]) -> None:
+        """Draw in viser's own thread, and wait: from another, viser 1.1.1 falls over now and then while it wakes those who wait for messages."""
+
+        async def drawn() -> None:
+            draw()
+
+        asyncio.run_coroutine_threadsafe(drawn(), self._server.get_event_loop()).result()
 
     async def _renumber(self, _: ClientHandle) -> None:
         renumber(self._server)

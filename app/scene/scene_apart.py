@@ -8,6 +8,7 @@ import logging
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -139,7 +140,7 @@ def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
     with HandScene(hand, geometry) as scene, suppress(EOFError, OSError):
         pipe.send((scene.port, scene.secret))
         while True:
-            _take(scene, pipe.recv())
+            scene.in_its_thread(partial(_take, scene, pipe.recv()))
             pipe.send_bytes(b"drawn")
 
 
