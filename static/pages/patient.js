@@ -3,10 +3,12 @@ import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import * as facts from "../patient/facts.js";
 import * as keeping from "../patient/keeping.js";
+import { makeKept } from "../patient/kept_calibrations.js";
 import * as measures from "../patient/measures.js";
 import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";
 import { makeRecord } from "../patient/record.js";
+import * as selfCalibrations from "../patient/self_calibrations.js";
 import * as progress from "../progress/progress.js";
 import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
@@ -33,7 +35,7 @@ export function mount(root, api, { id, go, title, roles }) {
       const treats = roles.includes("clinician"); // who does not is shown what was measured, and nothing that the server refuses
       const place = (part) => [part, h("section", { class: "card" })];
       const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
-      const aside = (treats ? [facts, notes, upload, measures, keeping] : [facts, measures]).map(place);
+      const aside = (treats ? [facts, notes, upload, measures, selfCalibrations, keeping] : [facts, measures, selfCalibrations]).map(place);
       root.append(
         h(
           "div",
@@ -48,7 +50,7 @@ export function mount(root, api, { id, go, title, roles }) {
         root.replaceChildren(farewell(counts));
         root.querySelector("a").focus();
       };
-      const unmount = assemble(api, { record, go, erased, treats }, [...main, ...aside]);
+      const unmount = assemble(api, { record, kept: makeKept(api, id), go, erased, treats }, [...main, ...aside]);
       leave = () => {
         stop();
         unmount();

@@ -7,7 +7,7 @@ import * as reuse from "./reuse.js";
 const OTHER = "?";
 const CLOCKS = 5 * 60_000; // ms that the clocks of browser and server may differ
 
-export function mount(root, api, { record, go }) {
+export function mount(root, api, { record, kept, go }) {
   const box = errorBox();
   const patient = record.now;
   const hand = patient.affected_hand === "left" || patient.affected_hand === "right" ? patient.affected_hand : null;
@@ -21,7 +21,7 @@ export function mount(root, api, { record, go }) {
   const port = h("input", { name: "port", autocomplete: "off", spellcheck: "false" });
   const other = h("div", { hidden: true }, field(t("new_session.port"), port, t("new_session.port.hint")));
   const earlier = h("div", {});
-  const taken = reuse.mount(earlier, api, { record });
+  const taken = reuse.mount(earlier, api, { kept });
   const examiner = h("input", { name: "examiner", maxlength: 200, autocomplete: "off" });
   const form = h(
     "form",
@@ -93,9 +93,11 @@ export function mount(root, api, { record, go }) {
   });
   root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), ...clockWarnings(patient), form);
   askEarlier();
+  const stop = kept.watch(askEarlier);
   look().catch((error) => gone || box.show(error));
   return () => {
     gone = true;
+    stop();
   };
 }
 

@@ -5,17 +5,13 @@ import { dayAndTime, t } from "../words/words.js";
 
 const PARTS = ["lengths_and_seats", "lengths", "nothing"];
 
-export function mount(root, api, { record }) {
+export function mount(root, api, { kept }) {
   let offered = null; // the newest of the hand
-  let all = [];
-  const loaded = api.get(`/api/patients/${record.now.id}/self-calibrations`).then((rows) => {
-    all = rows.filter((row) => !row.withdrawn);
-  });
 
   /** Ask about the newest of this hand, where there is one. */
   async function ask(hand) {
-    await loaded;
-    offered = all.filter((one) => one.hand === hand).sort((a, b) => (a.recorded < b.recorded ? 1 : -1))[0] ?? null;
+    await kept.loaded;
+    offered = kept.now.filter((one) => one.hand === hand && !one.withdrawn).sort((a, b) => (a.recorded < b.recorded ? 1 : -1))[0] ?? null;
     const moment = offered && dayAndTime(offered.recorded);
     const options = PARTS.map((parts) => ({
       value: parts,

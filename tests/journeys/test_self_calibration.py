@@ -75,3 +75,13 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     begin(page, server, patient, one_finger, takes="nothing")
     session = api(page, f"/api/stations/{page.url.rsplit('/', 1)[1]}")["session"]
     assert api(page, f"/api/sessions/{session}/reuse")["decided"]["parts"] == "nothing"
+
+    name_port(page, f"{server.base}/patients/{patient}", one_finger)
+    asked = page.get_by_role("group", name="Earlier self-calibration")
+    shown(asked)
+    page.get_by_role("button", name="Do not offer it any more").click()
+    expect(asked).to_have_count(0)
+    looked_at(page, "patient with self-calibration")
+    keep_picture(page, "self-calibration-kept")
+    page.get_by_role("button", name="Offer it again").click()
+    shown(asked)
