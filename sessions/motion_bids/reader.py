@@ -26,6 +26,7 @@ UNITS: dict[str, dict[str, float]] = {
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
+TORQUES = ("Nm", "N m", "N*m", "N·m", "Nmm", "mNm")  # units of what a six-axis force sensor tells beside its forces; no measure reads it
 RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
 SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
 NAME = re.compile(r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$")
@@ -160,6 +161,7 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
     """Which column holds which component of which quantity of which point, with the factor to SI."""
     found: dict[tuple[str, str, int], tuple[int, float]] = {}
     strange: set[str] = set()
+    turning: set[str] = set()
     for column, channel in enumerate(system.channels):
         kind, point = channel["type"].upper(), channel["tracked_point"]
         if kind not in TYPES or (kind == "MISC" and not point.endswith("_force")):
@@ -167,6 +169,9 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
         _refuse_two_hands(point, system)
         if point not in TRACKED_POINTS:
             strange.add(point)
+            continue
+        if kind == "MISC" and channel["units"] in TORQUES:
+            turning.add(point)
             continue
         component = "xyz".find(channel["component"].lower()) if len(channel["component"]) == 1 else -1
         if component < 0:
@@ -182,6 +187,8 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
             )
     if strange:
         warnings.append(f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}")
+    if turning:
+        warnings.append(f"tracksys-{system.name}: torques are not read, forces alone are: {', '.join(sorted(turning))}")
     return found
 
 

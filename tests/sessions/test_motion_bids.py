@@ -186,6 +186,17 @@ def with_renamed_event(files: Files) -> Files:
     return {name: data.replace(b"\trom", b"\tgrip") for name, data in files.items()}
 
 
+def test_torques_of_a_six_axis_sensor_do_not_keep_its_forces_from_being_read(tmp_path: Path) -> None:
+    forces = recording().samples["force"]
+    point = forces.stream.sensors[0]
+    more = "".join(f"{point}_torque_{c}\t{c}\tMISC\t{point}\tNm\t{forces.stream.rate:g}\n" for c in "xyz")
+    files = with_text(dataset(), "_tracksys-force_channels.tsv", lambda text: text.rstrip("\n") + "\n" + more)
+    files = with_text(files, "_tracksys-force_motion.tsv", lambda text: "".join(f"{row}\t0.1\t0.2\t0.3\n" for row in text.splitlines()))
+    read = _loaded(files, tmp_path)
+    np.testing.assert_array_equal(read.samples["force"].values, forces.values)
+    assert [w for w in read.warnings if "torques are not read" in w and point in w]
+
+
 def test_the_path_of_a_motion_tsv_chooses_among_several_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = folder(_two_recordings(), tmp_path)
     for task, name in (("hand", "rom"), ("handgrip", "grip")):
