@@ -1,18 +1,18 @@
 """The process that writes a patient's export: it computes and reads for long, so the server only passes on what comes out of it.
 
-Run as `python -m app.patient_export` with its order as JSON on standard input; the zip goes to standard output. When nobody takes the zip any more,
-writing fails and the process leaves.
+On Linux it is forked from a process that has imported everything (app/working_process.py). When nobody takes the zip any more, writing fails and the
+process leaves.
 """
 
 import contextlib
-import json
+import io
 import os
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from app.version import software_version
+from app.working_process import CONTEXT, heed_the_server_alone
 from estimators.errors import InputError
 from sessions import patient_export
 from sessions.store import Store, store_at
@@ -22,28 +22,46 @@ PIECE = 2**16
 
 def exported(store: Store, patient_id: int) -> Iterator[bytes]:
     """The zip piece by piece; InputError where it could not be begun, an error in the middle cuts it off so that nobody takes it for whole."""
-    order = {"folder": str(store.folder), "url": store.url, "patient": patient_id}
-    with subprocess.Popen([sys.executable, "-m", "app.patient_export"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            process.stdin.write(json.dumps(order).encode())
-            process.stdin.close()
-            while piece := os.read(process.stdout.fileno(), PIECE):
-                yield piece
-            if process.wait() != 0:
-                raise InputError("the export could not be finished; the log has the details, try again")
-        finally:
-            process.kill()
+    ours, theirs = CONTEXT.Pipe(duplex=False)
+    order = (theirs, dict(os.environ), store.folder, store.url, patient_id)
+    process = CONTEXT.Process(target=_write, args=order, name="handscope export", daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        with contextlib.suppress(EOFError):
+            while True:
+                yield ours.recv_bytes()
+        process.join()
+        if process.exitcode != 0:
+            raise InputError("the export could not be finished; the log has the details, try again")
+    finally:
+        ours.close()
+        process.kill()
+        process.join()
 
 
-def main() -> int:
-    order = json.load(sys.stdin)
-    store = store_at(Path(order["folder"]), order["url"])
+class _Pieces(io.RawIOBase):
+    """A file that goes through a pipe."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, piece: object) -> int:
+        sent = memoryview(piece)  # type: ignore[arg-type]
+        self._pipe.send_bytes(sent)
+        return sent.nbytes
+
+
+def _write(pipe: Connection, environment: Mapping[str, str], folder: Path, url: str | None, patient_id: int) -> None:
+    """In the process, in the environment that its parent has now."""
+    heed_the_server_alone()
+    os.environ.clear()
+    os.environ.update(environment)
+    store = store_at(folder, url)
     with contextlib.suppress(BrokenPipeError), store.database() as db:
-        patient_export.write(db, store, order["patient"], software_version(), sys.stdout.buffer)
-        sys.stdout.buffer.flush()
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        out = io.BufferedWriter(_Pieces(pipe), PIECE)
+        patient_export.write(db, store, patient_id, software_version(), out)
+        out.flush()
