@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure over the seeds; `worst` is the largest."""
+    """A figure over the seeds; `worst` is the one farthest from zero."""
 
     mean: float
     sd: float  # of a sample; 0 of a single value
@@ -85,10 +85,10 @@ class Finding:
 
 
 def spread(values: Iterable[float]) -> Spread:
-    """Mean, standard deviation and largest of the values; all must be finite."""
+    """Mean, standard deviation and the value farthest from zero; all must be finite."""
     x = np.fromiter(values, float)
     assert len(x) and np.isfinite(x).all(), "a figure without a value"
-    return Spread(float(x.mean()), float(x.std(ddof=1)) if len(x) > 1 else 0.0, float(x.max()), len(x))
+    return Spread(float(x.mean()), float(x.std(ddof=1)) if len(x) > 1 else 0.0, float(x[np.abs(x).argmax()]), len(x))
 
 
 def at_or_below(row: Row, column: str) -> bool | None:

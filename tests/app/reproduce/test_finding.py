@@ -27,6 +27,7 @@ def test_a_spread_is_mean_standard_deviation_and_largest() -> None:
     assert (found.mean, found.worst, found.count) == (3.0, 6.0, 3)
     assert found.sd == pytest.approx(2.6457513)
     assert spread([2.0]) == Spread(2.0, 0.0, 2.0, 1)
+    assert spread([-3.0, 1.0]).worst == -3.0  # an error may have a sign
     with pytest.raises(AssertionError):
         spread([1.0, float("nan")])
 
