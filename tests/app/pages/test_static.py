@@ -22,6 +22,7 @@ NOT_MOUNTED = {
     "repetitions.js",
     "second_look.js",
     "hand_drawing.js",
+    "kept_calibrations.js",
     "merging.js",
     "fact_fields.js",
     "record.js",

@@ -106,6 +106,13 @@ def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None =
     return picture[-1]
 
 
+def settled(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
+    """The same some pictures later: on a page that draws seldom the first may still be of what was shown before."""
+    seen(page, condition)
+    page.wait_for_timeout(1e3 * 3 * PICTURE)
+    return seen(page, condition, keep)
+
+
 def hand_like(picture: Picture) -> bool:
     """Enough skin, most of it in the middle, the cuff below it, nothing of it at the border."""
     height, width = picture.skin.shape
@@ -139,7 +146,7 @@ def test_left_and_right_are_told_apart(page: Page, browser: Browser, scene: Hand
         right_page = opened(browser, other)
         for name, each, where in (("left", scene, page), ("right", right_scene, right_page)):
             each.show(postures.angles_of(tasks.flat()), None)
-            flat = seen(where, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
+            flat = settled(where, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
             columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
             sides[name] = columns.max() + columns.min()  # the thumb reaches out
         right_page.context.close()
@@ -153,7 +160,7 @@ def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     """viser's own page goes blank: it falls over when it clears skinned meshes away."""
     failures: list[str] = []
     page.on("pageerror", lambda error: failures.append(str(error)))
-    resting = seen(page, hand_like)
+    resting = settled(page, hand_like)
     before = len(served.sockets)
     scene._server._websock_server.disconnect_all_clients()
     eventually(lambda: len(served.sockets) > before)
