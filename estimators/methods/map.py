@@ -38,6 +38,7 @@ ALONE = "the whole hand as one problem did not come to an end: each finger is as
 TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
+UNKNOWN_TIP = 0.05  # m, the same of a fingertip, which moves about over a decimetre
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,7 +284,7 @@ def _with_found(tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[F
 def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger]) -> Trajectory:
     """Standard deviations of the stretch, larger before and after it; fingers that were not calibrated are flagged, nothing is known of them."""
     angles = np.where(np.isnan(moved.angles), np.nan, UNKNOWN)
-    tips, flags = np.where(np.isnan(moved.tips), np.nan, params.length_guess), moved.flags.copy()
+    tips, flags = np.where(np.isnan(moved.tips), np.nan, UNKNOWN_TIP), moved.flags.copy()
     outside = (moved.t < max(f.t[0] for f in fingers)) | (moved.t > min(f.t[-1] for f in fingers))
     drift = np.where(outside, np.radians(params.tracked), 0.0)
     for finger in fingers:
@@ -296,7 +297,7 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
     lost = outside[:, None] & (moved.flags & np.uint8(Flag.HEADING_LOST) > 0)
     angles = np.where((lost[:, PARENTS] | lost[:, CHILDREN])[..., None] & np.isfinite(angles), UNKNOWN, angles)
     on_fingers = np.stack([lost[:, [SEGMENT[s] for s in links]].any(axis=1) for links in CHAINS.values()], axis=1)
-    tips = np.where(on_fingers[..., None] & np.isfinite(tips), params.length_guess, tips)
+    tips = np.where(on_fingers[..., None] & np.isfinite(tips), UNKNOWN_TIP, tips)
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
         if name not in known and np.isfinite(moved.q_GS[:, SEGMENT[name], 0]).any():
