@@ -42,7 +42,7 @@ def page(browser: Browser, served: Site, asked: Asked) -> Iterator[Page]:
     """One page on the left hand's scene for all tests that need no page of their own: each costs seconds until its light is there."""
     before = len(served.sockets)
     one = opened(browser, served, hear=asked.addresses.append)
-    seen(one, hand_like)
+    settled(one, hand_like)
     asked.sockets += served.sockets[before:]
     yield one
     one.context.close()
@@ -198,7 +198,7 @@ def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path:
 
 def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tmp_path: Path) -> None:
     scene.show(postures.angles_of(tasks.flat()), None)
-    whole = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png")
+    whole = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png")
     scene.measured(["thumb"])
     seen(page, lambda p: np.ptp(np.nonzero(p.skin)[0]) < 0.8 * np.ptp(np.nonzero(whole.skin)[0]), tmp_path / "pale.png")
 
@@ -206,7 +206,7 @@ def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tm
 def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: Path) -> None:
     level = view.palm_down("left")
     scene.show(postures.angles_of(tasks.flat()), level)
-    flat = seen(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105)
+    flat = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105)
     scene.show(postures.angles_of(tasks.flat()), quat.multiply(quat.about(1, np.pi), level))
     thumb = np.nonzero(flat.skin)[1].max() - QUICK[0] / 2
     seen(page, lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb, tmp_path / "palm-up.png")
