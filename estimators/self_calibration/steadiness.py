@@ -45,9 +45,8 @@ def slips(found: Solution) -> list[Slip]:
 
 def _half(found: Solution, first: int, stop: int) -> Solution:
     q_GS = found.at.q_GS[first:stop]
-    part = replace(
-        _part(found.problem, first, stop), start=q_GS[0]
-    )  # headings are free: nothing is to be turned back to where the whole began
+    # headings are free: nothing is to be turned back to where the whole began
+    part = replace(_part(found.problem, first, stop), start=q_GS[0])
     half = solver.solve(part, replace(found.at, q_GS=q_GS), STEPS)
     return replace(half, factor=covariance.honest(half.problem, half.at, half.factor))
 

@@ -129,10 +129,8 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(browser: Browser, scene: Ha
     page = opened(browser, served, SIZES[size])
     resting = settled(page, hand_like, tmp_path / f"resting-{size}.png")  # the first pictures are darker: its light is still to come
     scene.show(postures.angles_of(tasks.spread()), None)
-    more, wider = (
-        1.1 * resting.share(resting.skin),
-        1.2 * np.ptp(np.nonzero(resting.skin)[1]),
-    )  # light alone makes more skin, not a wider hand
+    more = 1.1 * resting.share(resting.skin)
+    wider = 1.2 * np.ptp(np.nonzero(resting.skin)[1])  # light alone makes more skin, not a wider hand
     seen(page, lambda p: hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider, tmp_path / f"spread-{size}.png")
     page.context.close()
 
