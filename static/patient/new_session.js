@@ -87,7 +87,7 @@ export function mount(root, api, { record, kept, go }) {
       hand: chosen("hand"),
       port: path,
       examiner: examiner.value.trim(),
-      reuse: taken.decision(),
+      reuse: await taken.decision(),
     });
     go(`/stations/${begun.station}`);
   });

@@ -23,7 +23,8 @@ export function mount(root, api, { kept }) {
   }
 
   /** What was decided, as the API takes it; an Error where it was not. */
-  function decision() {
+  async function decision() {
+    await kept.loaded;
     if (!offered) return null;
     const parts = root.querySelector("input:checked")?.value;
     if (!parts) throw new Error(t("reuse.which"));

@@ -24,15 +24,18 @@ export function mount(root, api, { record, go }) {
   const send = h("button", { class: "primary large", type: "submit", disabled: true }, t("upload.send"));
   const form = h("form", { novalidate: true }, area, more, bar.element, box.element, h("p", {}, send));
   let file = null;
+  let asked = false; // the method and the hand
   let gone = false;
   bar.element.hidden = true;
+
+  const ready = () => (send.disabled = !(file && asked));
 
   function take(given) {
     box.clear();
     if (!given) return;
     file = KINDS.test(given.name) ? given : null;
     name.textContent = given.name;
-    send.disabled = !file;
+    ready();
     more.hidden = !file;
     pick.textContent = t("upload.another");
     if (!file) box.show(new Error(t("upload.wrong_kind", { name: given.name })));
@@ -63,6 +66,8 @@ export function mount(root, api, { record, go }) {
         { name: "method" },
       );
       more.replaceChildren(h("p", {}), choices(t("upload.hand"), "upload_hand", hands), field(t("upload.method"), method));
+      asked = true;
+      ready();
     },
     (error) => gone || box.show(error),
   );

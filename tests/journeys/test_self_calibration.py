@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from app.benchmarks.server_under_test import glove
 from tests.journeys.house import LONG, Server, act, api, end_session, keep_picture, name_port, new_patient, shown
@@ -24,9 +24,14 @@ def one_finger(tmp_path: Path) -> Iterator[Path]:
 
 
 def begin(page: Page, server: Server, patient: int, port: Path, takes: str = "") -> None:
+    held: list[Route] = []
+    if takes:
+        page.route("**/self-calibrations", lambda route: held.append(route))
     name_port(page, f"{server.base}/patients/{patient}", port)
     if takes:
-        page.get_by_role("button", name="Start session").click()
+        page.get_by_role("button", name="Start session").click()  # before the page knows what it has to ask
+        held[0].continue_()
+        page.unroute("**/self-calibrations")
         shown(page.get_by_text("Choose what is taken over, or nothing."))
         page.locator(f'input[name="reuse"][value="{takes}"]').check()
         looked_at(page, "new session")

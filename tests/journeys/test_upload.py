@@ -5,7 +5,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.journeys.house import LONG, api, figure, keep_picture, scene_drawn, shown
 
@@ -56,6 +56,17 @@ def _with_unit(recording: bytes, unit: str) -> bytes:
             content = old.read(name)
             new.writestr(name, content.replace(b"rad/s", unit.encode()) if name.endswith("channels.tsv") else content)
     return out.getvalue()
+
+
+def test_a_file_is_sent_no_sooner_than_its_method_can_be_chosen(page: Page, patient: int) -> None:
+    held: list[Route] = []
+    page.route("**/api/methods", lambda route: held.append(route))
+    page.reload()
+    page.get_by_label("Recording file").set_input_files({"name": "letter.zip", "mimeType": "application/zip", "buffer": b"x"})
+    send = page.get_by_role("button", name="Upload and process")
+    expect(send).to_be_disabled()
+    held[0].continue_()
+    expect(send).to_be_enabled()
 
 
 def test_bad_files_get_a_sentence_and_leave_no_session(page: Page, patient: int, recording: Path) -> None:
