@@ -18,9 +18,9 @@ from estimators.hand_geometry import HandGeometry
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 
-GYR, ACC, MAG, FORCE = "gyr", "acc", "mag", "force"
+GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s
-UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N"}
+UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm"}
 TRUNK = "trunk"  # base of the magnet's array: an inertial sensor, and a magnetometer where it has one
 TRUNK_MAGNETOMETERS = tuple(f"trunk_mag_{k}" for k in range(1, 33))  # more magnetometers on the trunk, rigid with it
 FORCE_POINTS = tuple(f"{finger}_tip_force" for finger in ("thumb", "index", "middle", "ring", "little"))
@@ -33,7 +33,7 @@ class Stream:
 
     name: str
     sensors: tuple[str, ...]  # names of TRACKED_POINTS
-    quantities: tuple[str, ...]  # of GYR, ACC, MAG, FORCE
+    quantities: tuple[str, ...]  # of GYR, ACC, MAG, FORCE, TORQUE (of a force sensor with six axes, about its origin)
     rate: float  # Hz, nominal
     clock: str = "recording"
     full_scale: Mapping[str, float] = field(default_factory=dict)  # largest value of a quantity that the sensor can give, where known

@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators import quaternions as quat
 from estimators.magnet_plate import Plate
-from estimators.samples import FORCE, MAG, Block, Event, Stream
+from estimators.samples import FORCE, MAG, TORQUE, Block, Event, Stream
 from sessions.motion_bids import writer
 from sessions.recording import LoadedRecording
 from tests.simulated import in_strips, loaded
@@ -24,14 +24,15 @@ PLATE = Plate({"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.0, -0.1, 0.0)},
 
 
 def recording() -> LoadedRecording:
-    """Two strips of different rates, a magnetometer and a force sensor; a missing sample and events with details."""
+    """Two strips of different rates, a magnetometer and a force sensor with six axes; a missing sample and events with details."""
     rng, strips = np.random.default_rng(7), in_strips("left").samples
     index, forearm = (Block(strips[n].stream, strips[n].t[:N] + 0.1, strips[n].values[:N].copy()) for n in ("index", "forearm"))
     hand = Block(strips["hand"].stream, strips["hand"].t[:N], strips["hand"].values[:N].copy())
     index.values[3, 1] = np.nan
     index.values[4, 0, 2] = np.nan
     mag = Block(Stream("mag", ("hand", "index_distal"), (MAG,), 20.0), np.arange(8) / 20, rng.normal(size=(8, 2, 3)) * 5e-5)
-    force = Block(Stream("force", ("thumb_tip_force",), (FORCE,), 12.0), np.arange(5) / 12, rng.normal(size=(5, 1, 3)))
+    force = Block(Stream("force", ("thumb_tip_force",), (FORCE, TORQUE), 12.0), np.arange(5) / 12, rng.normal(size=(5, 1, 6)))
+    force.values[2, 0, 4] = np.nan
     pose = {"thumb_cmc_flexion_deg": 0.0, "thumb_cmc_deviation_deg": -45.0, "thumb_cmc_pronation_deg": 60.0}
     events = (
         Event(0.05, 0.1, "initial_pose", pose),

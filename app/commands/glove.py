@@ -37,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--strips",
         default="all",
         metavar="NAMES",
-        help=f"all, none, all with more, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
+        help=f"all, none, all with more, or some of {','.join(ALL_STRIPS)},force (force sensors on thumb and index tip),torque (they have six axes),trunk (an inertial sensor and magnetometers there, a magnet on the hand); the hand's base unit is always there",
     )
     parser.add_argument(
         "--rate", action="append", default=[], metavar="HZ", help="of all strips (100), or of one: index=500; may be repeated"

@@ -12,7 +12,7 @@ from estimators.hand_anatomy import SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, MAG, Block, Event, Stream, join
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
 from estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission, trunk
 from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.kinematics import Kinematics
@@ -32,6 +32,7 @@ class ForceGlove:
     fingers: tuple[str, ...] = ("thumb", "index")
     rate: float = 12.0  # Hz: Kortier, thesis 6.2.3
     errors: ForceErrors = field(default_factory=ForceErrors)
+    six_axes: bool = False  # torques as well
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,8 @@ def _felt(
 ) -> Block:
     """What the force sensors read over all performances; nothing is touched where a performance has no forces."""
     sensors_worn = force_sensors.worn(glove.fingers, glove.errors, rng)
-    stream = Stream("force", tuple(f"{f}_tip_force" for f in glove.fingers), (FORCE,), glove.rate, "imu", {FORCE: glove.errors.limit})
+    scales = {FORCE: glove.errors.limit} | ({TORQUE: glove.errors.torque_limit} if glove.six_axes else {})
+    stream = Stream("force", tuple(f"{f}_tip_force" for f in glove.fingers), tuple(scales), glove.rate, "imu", scales)
     starts = np.cumsum([0.0, *(p.motion.duration for p in performances)])
     moved, forces = [], []
     for performance, begin, end in zip(performances, starts, starts[1:]):
@@ -147,7 +149,12 @@ def _felt(
         forces.append(np.zeros((len(t), 5, 3)) if performance.forces is None else performance.forces(k))
         moved.append(replace(k, t=t))
     whole = kinematics.in_sequence(moved)
-    return Block(stream, whole.t, force_sensors.readings(sensors_worn, worn, whole, np.concatenate(forces), rng))
+    exerted, of_torque = np.concatenate(forces), rng.spawn(1)[0]
+    read = force_sensors.readings(sensors_worn, worn, whole, exerted, rng)
+    if glove.six_axes:
+        six = force_sensors.six_axes(sensors_worn, of_torque)
+        read = np.concatenate([read, force_sensors.torques(sensors_worn, six, worn, whole, exerted, of_torque)], axis=2)
+    return Block(stream, whole.t, read)
 
 
 def _on_trunk(

@@ -13,7 +13,7 @@ from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
 from estimators.magnet_plate import plate_from
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS, Block, Event, Stream
 from sessions.motion_bids.files import Files, checksum, open_files, whole
 from sessions.motion_bids.tables import MISSING, json_object, numbers, rows
 from sessions.recording import LoadedRecording, require_samples
@@ -26,7 +26,10 @@ UNITS: dict[str, dict[str, float]] = {
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
-TORQUES = ("Nm", "N m", "N*m", "N·m", "Nmm", "mNm")  # units of what a six-axis force sensor tells beside its forces; no measure reads it
+TORQUES = {  # units of what a force sensor with six axes tells beside its forces, both of them MISC
+    **dict.fromkeys(("N*m", "N·m", "N⋅m", "N m", "Nm"), 1.0),
+    **dict.fromkeys(("N*mm", "N·mm", "N⋅mm", "N mm", "Nmm", "mN*m", "mN·m", "mN⋅m", "mN m", "mNm"), 1e-3),
+}
 RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
 SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
 NAME = re.compile(r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$")
@@ -150,7 +153,7 @@ def _block(system: System, files: Files, warnings: list[str]) -> Block | None:
         raise InputError(f"{name} has 0 samples; there is nothing to process")
     t, rate = times_of(system, table, name, warnings)
     points = [p for p in TRACKED_POINTS if any(point == p for point, _, _ in wanted)]
-    quantities = [q for q in (GYR, ACC, MAG, FORCE) if any(kind == q for _, kind, _ in wanted)]
+    quantities = [q for q in (GYR, ACC, MAG, FORCE, TORQUE) if any(kind == q for _, kind, _ in wanted)]
     values = np.full((len(table), len(points), 3 * len(quantities)), np.nan)
     for (point, kind, component), (column, factor) in wanted.items():
         values[:, points.index(point), 3 * quantities.index(kind) + component] = table[:, column] * factor
@@ -161,7 +164,7 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
     """Which column holds which component of which quantity of which point, with the factor to SI."""
     found: dict[tuple[str, str, int], tuple[int, float]] = {}
     strange: set[str] = set()
-    turning: set[str] = set()
+    torques: dict[str, list[tuple[str, int, float]]] = {}  # by point: component, column, factor
     for column, channel in enumerate(system.channels):
         kind, point = channel["type"].upper(), channel["tracked_point"]
         if kind not in TYPES or (kind == "MISC" and not point.endswith("_force")):
@@ -171,15 +174,15 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
             strange.add(point)
             continue
         if kind == "MISC" and channel["units"] in TORQUES:
-            turning.add(point)
+            torques.setdefault(point, []).append((channel["component"].lower(), column, TORQUES[channel["units"]]))
             continue
         component = "xyz".find(channel["component"].lower()) if len(channel["component"]) == 1 else -1
         if component < 0:
             raise InputError(f"tracksys-{system.name}: channel {channel['name']} has component {channel['component']!r}; it is x, y or z")
-        key = (point, TYPES[kind], component)
+        key, factor = (point, TYPES[kind], component), _factor(system, channel, kind)
         if key in found:
             raise InputError(f"tracksys-{system.name}: {point} has two {kind} channels for component {channel['component']}")
-        found[key] = (column, _factor(system, channel, kind))
+        found[key] = (column, factor)
     for point, kind, _ in list(found):
         if any((point, kind, c) not in found for c in range(3)):
             raise InputError(
@@ -187,9 +190,24 @@ def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], 
             )
     if strange:
         warnings.append(f"tracksys-{system.name}: points unknown to Handscope were left out: {', '.join(sorted(strange))}")
-    if turning:
-        warnings.append(f"tracksys-{system.name}: torques are not read, forces alone are: {', '.join(sorted(turning))}")
-    return found
+    return found | _torques(system, torques, warnings)
+
+
+def _torques(
+    system: System, told: Mapping[str, list[tuple[str, int, float]]], warnings: list[str]
+) -> dict[tuple[str, str, int], tuple[int, float]]:
+    """The torques of the points that tell all three: a sensor with four axes has one alone, and its forces are read without it."""
+    partly = [point for point, channels in told.items() if sorted(c for c, _, _ in channels) != ["x", "y", "z"]]
+    if partly:
+        warnings.append(
+            f"tracksys-{system.name}: torques are passed over where not each of x, y, z is told once: {', '.join(sorted(partly))}"
+        )
+    return {
+        (point, TORQUE, "xyz".index(c)): (column, factor)
+        for point, channels in told.items()
+        if point not in partly
+        for c, column, factor in channels
+    }
 
 
 def _refuse_two_hands(point: str, system: System) -> None:
@@ -206,8 +224,9 @@ def _refuse_two_hands(point: str, system: System) -> None:
 def _factor(system: System, channel: dict[str, str], kind: str) -> float:
     known = UNITS[kind]
     if channel["units"] not in known:
+        shown = [*list(known)[:2], *(list(TORQUES)[:1] if kind == "MISC" else [])]
         raise InputError(
-            f"tracksys-{system.name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {' or '.join(list(known)[:2])}"
+            f"tracksys-{system.name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {' or '.join(shown)}"
         )
     return known[channel["units"]]
 

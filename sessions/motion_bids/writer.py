@@ -9,13 +9,13 @@ from typing import Any
 
 from estimators.hand_geometry import table_of
 from estimators.magnet_plate import table_of as table_of_plate
-from estimators.samples import ACC, FORCE, GYR, MAG, Block, Event
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
 from sessions.number_table import Data, NumberTable, pieces
 from sessions.recording import LoadedRecording
 from sessions.writing import save_file, save_folder
 
 BIDS_VERSION = "1.10.0"
-TYPES = {GYR: ("GYRO", "rad/s"), ACC: ("ACCEL", "m/s^2"), MAG: ("MAGN", "T"), FORCE: ("MISC", "N")}
+TYPES = {GYR: ("GYRO", "rad/s"), ACC: ("ACCEL", "m/s^2"), MAG: ("MAGN", "T"), FORCE: ("MISC", "N"), TORQUE: ("MISC", "N*m")}
 
 
 def write(
@@ -100,7 +100,8 @@ def _channels(block: Block) -> bytes:
 
 def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> dict[str, Any]:
     s = block.stream
-    counts = {f"{TYPES[q][0]}ChannelCount": 3 * len(s.sensors) for q in s.quantities}
+    kinds = [TYPES[q][0] for q in s.quantities]
+    counts = {f"{kind}ChannelCount": 3 * len(s.sensors) * kinds.count(kind) for kind in kinds}
     return {
         "TaskName": task,
         "SamplingFrequency": s.rate,

@@ -17,7 +17,7 @@ from estimators.hand_anatomy import CHAINS
 from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import FORCE, GYR, MAG, Block, Event, Stream
+from estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
 from sessions.wire.framing import Counters, Decoder
 from sessions.wire.messages import (
@@ -37,6 +37,7 @@ from sessions.wire.sample_values import fits, values_of
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped
 WAITING = 512  # bursts kept while their stream is not described yet: about 2 s of 17 sensors
+KINDS = {GYR: "", MAG: "_mag", FORCE: "_force", TORQUE: "_torque"}  # behind the strip's name, by the first of these that a stream gives
 
 
 @dataclass
@@ -220,9 +221,7 @@ class Assembler:
             if strip is None or told is None:
                 self.streams.pop(number, None)  # its bursts wait
                 continue
-            name = _label(strip.points) + (
-                "" if GYR in info.quantities else "_mag" if MAG in info.quantities else "_force" if FORCE in info.quantities else "_other"
-            )
+            name = _label(strip.points) + next((kind for quantity, kind in KINDS.items() if quantity in info.quantities), "_other")
             if name in {s.name for n, s in self.streams.items() if n != number}:  # two strips for the same finger
                 name += f"_slot{info.slot}"
             calibrations = [correction_of(m) for m in told]

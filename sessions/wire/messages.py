@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from estimators.magnet_plate import Plate
-from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
 from sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1
-QUANTITIES = (GYR, ACC, MAG, FORCE)  # bit k of the quantity mask
+QUANTITIES = (GYR, ACC, MAG, FORCE, TORQUE)  # bit k of the quantity mask
 HAND_CODES = {0: None, 1: "left", 2: "right"}
 ALL_SLOTS = 255
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.magnet_plate import Plate
-from estimators.samples import ACC, FORCE, GYR, MAG, TRACKED_POINTS
+from estimators.samples import ACC, GYR, TRACKED_POINTS
 from sessions.wire import messages as wire
 from sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
 from sessions.wire.sample_values import data_of, fits, values_of
@@ -31,7 +31,7 @@ def strips(draw: st.DrawFn) -> wire.Strip:
 
 @st.composite
 def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
-    quantities = tuple(q for q in (GYR, ACC, MAG, FORCE) if draw(st.booleans())) or (GYR,)
+    quantities = tuple(q for q in wire.QUANTITIES if draw(st.booleans())) or (GYR,)
     numbers = [tuple(draw(REAL) for _ in quantities) for _ in range(2)]
     rate = draw(st.floats(0.01, 10_000))
     return wire.StreamInfo(draw(BYTE), draw(BYTE), draw(BYTE), quantities, draw(st.sampled_from(Format)), rate, numbers[0], numbers[1])
@@ -103,7 +103,7 @@ def test_no_bytes_make_decode_fail_otherwise(code: int, payload: bytes) -> None:
         (0x03, b"\x01\x01\x00\x03\x00" + np.float64(0).tobytes() + bytes(16)),  # a rate of 0
         (0x03, b"\x01\x01\x00\x03\x00" + np.float64("nan").tobytes() + bytes(16)),
         (0x03, b"\x01\x01\x00\x00\x00" + np.float64(100).tobytes()),  # no quantity
-        (0x03, b"\x01\x01\x00\x13\x00" + np.float64(100).tobytes() + bytes(40)),  # a quantity that this version does not know
+        (0x03, b"\x01\x01\x00\x23\x00" + np.float64(100).tobytes() + bytes(40)),  # a quantity that this version does not know
         (0x03, b"\x01\x01\x00\x01\x00" + np.float64(100).tobytes() + np.array([np.inf, 1], "<f4").tobytes()),
         (0x03, b"\x01\x01\x00\x01\x07" + np.float64(100).tobytes() + bytes(8)),  # no such format
         (0x06, b"\x81\x00\x05abc"),  # text that runs past the end

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators.samples import ACC, GYR, MAG, Event
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Event
 from sessions import motion_bids
 from sessions.motion_bids import reader
 from sessions.number_table import NumberTable
@@ -186,15 +186,24 @@ def with_renamed_event(files: Files) -> Files:
     return {name: data.replace(b"\trom", b"\tgrip") for name, data in files.items()}
 
 
-def test_torques_of_a_six_axis_sensor_do_not_keep_its_forces_from_being_read(tmp_path: Path) -> None:
-    forces = recording().samples["force"]
-    point = forces.stream.sensors[0]
-    more = "".join(f"{point}_torque_{c}\t{c}\tMISC\t{point}\tNm\t{forces.stream.rate:g}\n" for c in "xyz")
-    files = with_text(dataset(), "_tracksys-force_channels.tsv", lambda text: text.rstrip("\n") + "\n" + more)
-    files = with_text(files, "_tracksys-force_motion.tsv", lambda text: "".join(f"{row}\t0.1\t0.2\t0.3\n" for row in text.splitlines()))
-    read = _loaded(files, tmp_path)
-    np.testing.assert_array_equal(read.samples["force"].values, forces.values)
-    assert [w for w in read.warnings if "torques are not read" in w and point in w]
+@pytest.mark.parametrize(("unit", "factor"), [("Nm", 1.0), ("N·m", 1.0), ("N*mm", 1e-3), ("mNm", 1e-3)])
+def test_torques_are_told_apart_from_forces_by_their_unit(unit: str, factor: float, tmp_path: Path) -> None:
+    files = with_text(dataset(), "_tracksys-force_channels.tsv", lambda text: text.replace("\tN*m\t", f"\t{unit}\t"))
+    read, force = _loaded(files, tmp_path).samples["force"], recording().samples["force"]
+    np.testing.assert_array_equal(read.of(FORCE), force.of(FORCE))
+    np.testing.assert_allclose(read.of(TORQUE), force.of(TORQUE) * factor, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("told", "instead"),
+    [("_torque_y\ty\t", "_torque_y\tx\t"), ("_torque_z\tz\t", "_torque_z\tn/a\t"), ("_torque_x\tx\tMISC", "_torque_x\tx\tPOS")],
+)
+def test_torques_that_are_not_told_about_every_axis_do_not_keep_the_forces_from_being_read(told: str, instead: str, tmp_path: Path) -> None:
+    files = with_text(dataset(), "_tracksys-force_channels.tsv", lambda text: text.replace(told, instead))
+    read, force = _loaded(files, tmp_path), recording().samples["force"]
+    assert read.samples["force"].stream.quantities == (FORCE,)
+    np.testing.assert_array_equal(read.samples["force"].of(FORCE), force.of(FORCE))
+    assert [w for w in read.warnings if "torques are passed over" in w and "thumb_tip_force" in w]
 
 
 def test_the_path_of_a_motion_tsv_chooses_among_several_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

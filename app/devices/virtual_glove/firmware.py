@@ -10,7 +10,7 @@ import numpy as np
 
 from app.devices.virtual_glove.flash import Flash
 from app.devices.virtual_glove.wearer import Wearer
-from estimators.samples import FORCE, GYR, MAG, Block, Stream
+from estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
 from sessions.wire import messages as wire
 from sessions.wire.framing import LONGEST, Decoder, Encoder
 from sessions.wire.sample_values import data_of
@@ -170,7 +170,7 @@ class Firmware:
     def _info(self, number: int, s: Stream) -> wire.StreamInfo:
         full = tuple(float(s.full_scale.get(q, 0.0)) for q in s.quantities)
         counts = self.build.format is wire.Format.INT16
-        limit = {GYR: 40.0, MAG: 4.9e-3, FORCE: 100.0}
+        limit = {GYR: 40.0, MAG: 4.9e-3, FORCE: 100.0, TORQUE: 1.0}
         scale = tuple((f or limit.get(q, 160.0)) / 32767 if counts else 1.0 for q, f in zip(s.quantities, full))
         return wire.StreamInfo(number, self._strip(s).slot, self._own_clock(s), s.quantities, self.build.format, s.rate, scale, full)
 

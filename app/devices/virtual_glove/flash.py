@@ -12,7 +12,7 @@ import numpy as np
 from estimators.gravity import GRAVITY
 from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, MAG, Stream
+from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
 from sessions.wire.assembly import correction_of, message_of
 from sessions.wire.messages import StripCalibration
 
@@ -57,7 +57,7 @@ class Flash:
 
 def delivered(streams: Sequence[Stream], rng: np.random.Generator) -> Flash:
     """Strips as the factory calibrated them."""
-    errors = {s.name: [_drawn(rng) for _ in s.sensors] for s in streams if FORCE not in s.quantities}
+    errors = {s.name: [_drawn(rng) for _ in s.sensors] for s in streams if not {FORCE, TORQUE} & set(s.quantities)}
     return Flash(errors, {name: list(calibrations) for name, calibrations in errors.items()})
 
 

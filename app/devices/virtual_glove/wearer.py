@@ -13,7 +13,7 @@ from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
+from estimators.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
 from estimators.simulation import force_sensors, functional, guided, held, held_object, kinematics, sensors, tasks, trunk
 from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.motion import Motion, after, shifted, through
@@ -25,7 +25,7 @@ from sessions.recording import LoadedRecording
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
 FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
-MORE = ("force", TRUNK)  # strips that are not on the hand's segments
+MORE = ("force", "torque", TRUNK)  # strips that are not on the hand's segments; torque: the force sensors have six axes
 FRAME = 1.5  # s from the relaxed posture into what is held
 HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
     "selfcheck_p1": held.spacer_thumb_index,
@@ -78,6 +78,9 @@ class SimulatedPerson:
         felt = [p.removesuffix("_tip_force") for s in self.streams if FORCE in s.quantities for p in s.sensors]
         self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
         self._zero = np.zeros((len(felt), 3))  # N, by how much the force sensors' zeros have walked
+        self._of_torque = self.rng.spawn(1)[0]
+        self._six_axes = force_sensors.six_axes(self._force, self._of_torque) if self._force else None
+        self._torque_zero = np.zeros((len(felt), 3))  # Nm, the same of torques
         self._cache: dict[float, tuple[float, float, Array, Array]] = {}  # by rate: span, times, readings of all sensors
         on_trunk = any(TRUNK in s.sensors for s in self.streams)
         self._trunk = trunk.carried(TrunkGlove(), self.rng) if on_trunk else None
@@ -122,11 +125,18 @@ class SimulatedPerson:
             inside = (t >= begins) & (t < begins + done.motion.duration)
             if done.forces is not None and inside.any():
                 forces[inside] = done.forces(kinematics.of_motion(done.motion, self.geometry, t[inside] - begins))
-        steady = replace(self._force, errors=replace(self._force.errors, drift=0.0))
-        walk = self._force.errors.drift / np.sqrt(stream.rate) * self.rng.normal(size=(len(t), *self._zero.shape))
-        zeros = self._zero + np.cumsum(walk, axis=0)
+        e = self._force.errors
+        steady = replace(self._force, errors=replace(e, drift=0.0, torque_drift=0.0))
+        zeros = _walked(self._zero, e.drift, stream.rate, len(t), self.rng)
         self._zero = zeros[-1] if len(t) else self._zero
-        return Block(stream, t, force_sensors.readings(steady, self._sensors, k, forces, self.rng) + zeros)
+        read = force_sensors.readings(steady, self._sensors, k, forces, self.rng) + zeros
+        if TORQUE in stream.quantities:
+            assert self._six_axes is not None
+            zeros = _walked(self._torque_zero, e.torque_drift, stream.rate, len(t), self._of_torque)
+            self._torque_zero = zeros[-1] if len(t) else self._torque_zero
+            turned = force_sensors.torques(steady, self._six_axes, self._sensors, k, forces, self._of_torque) + zeros
+            read = np.concatenate([read, turned], axis=2)
+        return Block(stream, t, read)
 
     def _on_trunk(self, stream: Stream, start: float, stop: float) -> Block:
         """What the trunk's sensor or its magnetometers read."""
@@ -198,8 +208,13 @@ def by_strip(stream: Stream) -> list[Stream]:
     ]
 
 
+def _walked(level: Array, drift: float, rate: float, n: int, rng: np.random.Generator) -> Array:
+    """How a zero walks on from `level` (sensors, 3) in n samples (n, sensors, 3); `drift` in its unit a root of a second."""
+    return np.asarray(level + np.cumsum(drift / np.sqrt(rate) * rng.normal(size=(n, *level.shape)), axis=0))
+
+
 def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None) -> tuple[Stream, ...]:
-    """Streams of a glove with the base unit and the named strips (fingers, `forearm`, `force`, `trunk`), gyroscope and accelerometer at `rate` Hz."""
+    """Streams of a glove with the base unit and the named strips (fingers, `forearm`, `force`, `torque`, `trunk`), gyroscope and accelerometer at `rate` Hz."""
     known = {"hand": ("hand",), "forearm": ("forearm",)} | {
         f: tuple(s for s in SEGMENTS if s.startswith(f + "_")) for f in ("thumb", "index", "middle", "ring", "little")
     }
@@ -209,9 +224,12 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
         raise InputError(f"unknown strip {unknown[0]!r}; strips are {', '.join(n for n in (*known, *MORE) if n != 'hand')}")
     if "force" in strips and not {"thumb", "index"} <= set(strips):
         raise InputError("the strip 'force' sits on the tips of thumb and index finger; plug in their strips as well")
+    if "torque" in strips and "force" not in strips:
+        raise InputError("'torque' makes the force sensors tell torques as well; plug in the strip 'force', too")
     scale = {GYR: np.radians(2000.0), ACC: 16 * GRAVITY}
     wanted = ["hand", *(name for name in known if name in strips and name != "hand")]
-    slow = [Stream("force", felt, (FORCE,), FORCE_RATE, "base", {FORCE: ForceErrors().limit})] if "force" in strips else []
+    scales = {FORCE: ForceErrors().limit} | ({TORQUE: ForceErrors().torque_limit} if "torque" in strips else {})
+    slow = [Stream("force", felt, tuple(scales), FORCE_RATE, "base", scales)] if "force" in strips else []
     inertial = (
         Stream(n, known[n], (GYR, ACC), forearm_rate or rate if n == "forearm" else rate, "forearm" if n == "forearm" else "base", scale)
         for n in wanted

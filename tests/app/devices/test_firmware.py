@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, layout
 from estimators.errors import InputError
 from estimators.hand_anatomy import FINGERS
 from estimators.hand_geometry import sized
-from estimators.samples import ACC, FORCE, Block, join
+from estimators.samples import ACC, FORCE, TORQUE, Block, join
 from estimators.simulation.sensors import SensorErrors
+from sessions import motion_bids, native
+from sessions.recorder import Recorder
 from sessions.recording import LoadedRecording
 from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler
@@ -88,9 +91,32 @@ def test_force_sensors_come_at_their_own_rate_with_their_limit() -> None:
     assert len(np.unique(force.of(FORCE))) > 60
 
 
-def test_a_force_strip_needs_the_fingers_that_it_sits_on() -> None:
+def test_torques_go_from_the_wire_into_a_recording_into_a_file_and_back_through_another_glove(tmp_path: Path) -> None:
+    """Of a sensor with six axes; played again they come in a stream of their own, and read the same."""
+    firmware = glove(person(("thumb", "index", "force", "torque")), format=wire.Format.FLOAT32)
+    with Recorder(tmp_path / "a.mcap", {"hand": "left"}, 0.0) as recorder:
+        recorder.write(firmware.handle(Encoder().frame(wire.Start())), 0.0)
+        for k in range(400):
+            recorder.write(b"".join(firmware.advance(0.004)), 0.004 * k)
+    kept = native.load(tmp_path / "a.mcap")
+    motion_bids.write(kept, tmp_path / "b.zip")
+    read = motion_bids.load(tmp_path / "b.zip")
+    (force, again) = (next(b for b in r.samples.values() if FORCE in b.stream.quantities) for r in (kept, read))
+    assert force.stream.quantities == (FORCE, TORQUE)
+    assert force.stream.full_scale[TORQUE] == pytest.approx(0.15)
+    assert 1e-5 < np.abs(force.of(TORQUE)).max() < 0.01  # a zero of some mNm, nothing touched
+    np.testing.assert_array_equal(again.values, force.values)
+    played = play(glove(Playback(read), format=wire.Format.FLOAT32), 1.2)
+    for point in force.stream.sensors:
+        (one,) = (b for b in played.values() if b.stream.sensors == (point,) and b.stream.quantities == (TORQUE,))
+        np.testing.assert_array_equal(one.of(TORQUE)[:12, 0], force.of(TORQUE)[:12, force.stream.sensors.index(point)])
+
+
+def test_a_force_strip_needs_the_fingers_that_it_sits_on_and_torques_need_it() -> None:
     with pytest.raises(InputError, match="tips of thumb and index finger"):
         layout(("index", "force"), 100.0)
+    with pytest.raises(InputError, match="plug in the strip 'force'"):
+        layout(("thumb", "index", "torque"), 100.0)
 
 
 def test_a_resting_wearer_reads_gravity_in_every_sensor() -> None:
