@@ -87,6 +87,10 @@ class Trajectory:
     forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
     forces_sd: Array | None = None  # (n, 5, 3) N
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
+    torques: Array | None = (
+        None  # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame; of sensors with six axes
+    )
+    torques_sd: Array | None = None  # (n, 5, 3) Nm
     lifting: Array | None = None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
 
     place: Array | None = None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known

@@ -56,6 +56,16 @@ def _add_forces(moved: Trajectory, columns: list[Column], data: list[Array]) -> 
             ]
             columns.append((f"{point}_flags", "n/a", "MISC", point, "n/a"))
             data += [*moved.forces[:, f].T, *moved.forces_sd[:, f].T, moved.force_flags[:, f].astype(float)]
+            _add_torques(moved, f, columns, data)
+
+
+def _add_torques(moved: Trajectory, f: int, columns: list[Column], data: list[Array]) -> None:
+    """Of a finger whose force sensor has six axes."""
+    if moved.torques is None or moved.torques_sd is None or not np.isfinite(moved.torques[:, f]).any():
+        return
+    point, name = f"{FINGERS[f]}_tip_force", f"{FINGERS[f]}_tip_torque"
+    columns += [(f"{name}_{c}{what}", c, "MISC", point, "N*m") for what in ("", "_sd") for c in "xyz"]
+    data += [*moved.torques[:, f].T, *moved.torques_sd[:, f].T]
 
 
 def _add_place(moved: Trajectory, columns: list[Column], data: list[Array]) -> None:

@@ -63,12 +63,15 @@ def add(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="an inertial sensor and four magnetometers on the trunk and a magnet on the hand, for a task; the hand then has no magnetometers",
     )
+    parser.add_argument("--six-axes", action="store_true", help="of lift and squeeze: the force sensors tell torques as well")
     parser.add_argument("--markers", type=Path, metavar="FILE.tsv", help="Qualisys export of a hand of --hand: what `captured` moves like")
 
 
 def run(arguments: argparse.Namespace) -> int:
     if not 10 <= arguments.rate <= 1000:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
+    if arguments.six_axes and arguments.task not in held_object.TASKS:
+        raise InputError(f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(held_object.TASKS)}")
     if not 0 <= arguments.pose_error <= 30:
         raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
     if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
@@ -148,7 +151,7 @@ def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: Senso
     person = drawn(arguments.hand, of_person)
     pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_pose))
     done = [pose, held_object.TASKS[arguments.task](person.true, of_motion)]
-    return _performed(arguments, done, person, of_sensors, errors, field, ForceGlove())
+    return _performed(arguments, done, person, of_sensors, errors, field, ForceGlove(six_axes=arguments.six_axes))
 
 
 def _performed(

@@ -14,7 +14,12 @@ from estimators.quaternions import Array
 def power(forces: Array, velocities: Array, torques: Array | None = None, rates: Array | None = None) -> Array:
     """Summed over the fingertips; without torques that of the forces alone."""
     total = (forces * velocities).sum(axis=(1, 2))
-    return np.asarray(total if torques is None or rates is None else total + (torques * rates).sum(axis=(1, 2)))
+    return np.asarray(total if torques is None or rates is None else total + turning(torques, rates))
+
+
+def turning(torques: Array, rates: Array) -> Array:
+    """The part M'w of the torques alone, summed over the fingertips."""
+    return np.asarray((torques * rates).sum(axis=(1, 2)))
 
 
 def work(t: Array, watts: Array) -> Array:

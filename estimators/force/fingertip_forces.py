@@ -1,27 +1,29 @@
 """The forces of the fingertips in the global frame, at every instant of the hand's movement, from slow sensors in the fingertips' cuffs.
 
 In      the trajectory of a method, the samples of force sensors and of the inertial sensors on the same cuffs, the calibrations
-Out     the trajectory with forces, their standard deviations and flags, and the specific force of what is held
+Out     the trajectory with forces, of sensors with six axes also torques about the sensors' origins, their standard deviations and flags, and the
+        specific force of what is held
 Source  Kortier, thesis 6.2.2: (6.11), (6.13), (6.14); zero.py, interpolation.py, contact.py, tip_orientation.py
 Limits  a cuff holds both sensors rigidly (6.2): the inertial sensor's calibrated mounting tells the force sensor's; a cuff that slips is not seen
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
-from estimators.force import balance, contact, interpolation, tip_orientation, zero
+from estimators.force import balance, contact, fingertip_torques, interpolation, tip_orientation, zero
 from estimators.force.contact import ContactParams, Grasp, runs
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.force.zero import Zero, ZeroParams
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
 from estimators.options import option
 from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, Block, beyond
+from estimators.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
 from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 
 DEG = np.pi / 180
@@ -29,6 +31,7 @@ STUCK = 3  # equal readings at the end of a sensor's range in a row
 REPEATED = 0.5  # share of readings that equal the one before
 FAR = 1.0  # N from the level at rest
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
+UNUSED = "torques without forces of the same fingertip are not used"
 LEAST = 8  # force samples of a sensor that is used
 LOST = 1.0  # s without a force sample, beyond which no force is told
 
@@ -39,6 +42,7 @@ class ForceParams(TipParams, ContactParams, ZeroParams):
         0.25, "s", "distance to the nearest force sample beyond which it counts as missing", "ours: three samples at 12 Hz", least=0.01
     )
     doubt: float = option(4.0, "1", "standard deviations beyond which a zero has drifted, or forces do not balance", "ours", least=1.0)
+    torque_drift: float = option(1.5e-4, "Nm/sqrt(s)", "random walk of the zero of a torque", "ours: `drift` at a lever of 5 mm")
     shared: float = option(
         2.0, "1", "standard deviations of the rest along the push beyond which another finger may carry part of the load", "ours", least=1.0
     )
@@ -58,7 +62,7 @@ def attached(
     """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
     sensors = _sensors(blocks)
     if not sensors or not len(moved):
-        return moved, []
+        return moved, [f"{', '.join(untold)}: {UNUSED}"] if len(moved) and (untold := _torque_blocks(blocks)) else []
     fingers = [s.finger for s in sensors]
     rows = [FINGERS.index(f) for f in fingers]
     read = [_read(params, s.block, moved.t) for s in sensors]
@@ -87,15 +91,80 @@ def attached(
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
     total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)
-    shape = (len(moved), len(FINGERS))
-    forces, forces_sd, force_flags = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan), np.zeros(shape, np.uint8)
-    forces[:, rows], forces_sd[:, rows], force_flags[:, rows] = in_global, total, flags
+    spread = _Spread(len(moved), rows)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(own).all(axis=2, keepdims=True)
         lifting = np.where(seen, own, 0.0).sum(axis=1) / seen.sum(axis=1)
-    return replace(moved, forces=forces, forces_sd=forces_sd, force_flags=force_flags, lifting=lifting), _said(
-        fingers, flags, moved.t, found
+    felt = replace(
+        moved,
+        forces=spread.over_fingers(in_global),
+        forces_sd=spread.over_fingers(total),
+        force_flags=spread.over_fingers(flags, 0),
+        lifting=lifting,
     )
+    twisted, doubts = _with_torques(params, felt, spread, blocks, sensors, read, q, covariance)
+    return twisted, [*_said(fingers, flags, moved.t, found), *doubts]
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """From the fingers with a sensor to all five."""
+
+    n: int
+    rows: Sequence[int]
+
+    def over_fingers(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
+        """(n, S, ...) -> (n, 5, ...)"""
+        whole = np.full((self.n, len(FINGERS), *values.shape[2:]), fill, values.dtype)
+        whole[:, self.rows] = values
+        return whole
+
+
+def _with_torques(
+    params: ForceParams,
+    felt: Trajectory,
+    spread: _Spread,
+    blocks: Sequence[Block],
+    sensors: Sequence[Sensor],
+    read: "list[_Read]",
+    q_GF: Array,
+    covariance: Array,
+) -> tuple[Trajectory, list[str]]:
+    """The trajectory with the torques of sensors with six axes, and what is to be known of them; as it was where there are none."""
+    told, doubts = _torque_blocks(blocks), []
+    values, sd = np.full((len(felt), len(sensors), 3), np.nan), np.full((len(felt), len(sensors)), np.nan)
+    for s, sensor in enumerate(sensors):
+        if (block := told.pop(sensor.finger, None)) is not None:
+            if fingertip_torques.impossible(block):
+                doubts.append(f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit")
+            if (torque := fingertip_torques.read(block, params.torque_drift, sensor.block.t, read[s].free, felt.t)) is not None:
+                values[:, s], sd[:, s] = torque.values, torque.sd
+    if told:
+        doubts.append(f"{', '.join(told)}: {UNUSED}")
+    if not np.isfinite(values).any():
+        return felt, doubts
+    in_global = quat.rotate(q_GF, values)
+    skew = quat.skew(in_global)
+    turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
+    total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)
+    return replace(felt, torques=spread.over_fingers(in_global), torques_sd=spread.over_fingers(total)), doubts
+
+
+def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
+    """By finger the samples of its sensor's torques, in the order of the hand; of two streams with one finger's the longer."""
+    found: dict[str, Block] = {}
+    for block in blocks:
+        if TORQUE in block.stream.quantities:
+            for k, point in enumerate(block.stream.sensors):
+                own, finger = _alone(block, k), point.removesuffix("_tip_force")
+                if finger in FINGERS and np.isfinite(own.of(TORQUE)).any() and (finger not in found or len(found[finger].t) < len(own.t)):
+                    found[finger] = own
+    return {f: found[f] for f in FINGERS if f in found}
+
+
+def _alone(block: Block, k: int) -> Block:
+    """The block with its k-th sensor alone."""
+    return replace(block, stream=replace(block.stream, sensors=block.stream.sensors[k : k + 1]), values=block.values[:, k : k + 1])
 
 
 @dataclass(frozen=True)
@@ -103,6 +172,7 @@ class _Read:
     force: Array  # (n, 3) N, without the zero
     sd: Array  # (n,)
     flags: NDArray[np.uint8]  # (n,)
+    free: NDArray[np.bool_]  # (samples of the sensor,) where it touches nothing
 
 
 def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
@@ -111,8 +181,7 @@ def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
     for block in blocks:
         if FORCE in block.stream.quantities:
             for k, point in enumerate(block.stream.sensors):
-                finger = point.removesuffix("_tip_force")
-                own = replace(block, stream=replace(block.stream, sensors=(point,)), values=block.values[:, k : k + 1])
+                own, finger = _alone(block, k), point.removesuffix("_tip_force")
                 longer = finger not in found or len(found[finger].block.t) < len(block.t)
                 if finger in FINGERS and longer and np.isfinite(own.of(FORCE)).all(axis=(1, 2)).sum() >= LEAST:
                     found[finger] = Sensor(finger, own)
@@ -134,7 +203,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     flags[nothing.jump[near, 0] > params.doubt] |= np.uint8(ForceFlag.DRIFT)
     lost = told.distance[:, 0] > LOST
     force = np.where(lost[:, None], np.nan, told.values[:, 0])
-    return _Read(force, np.hypot(told.sd[:, 0], _zero_sd(nothing, near)), flags)
+    return _Read(force, np.hypot(told.sd[:, 0], _zero_sd(nothing, near)), flags, nothing.free[:, 0])
 
 
 def _zero_sd(nothing: Zero, near: NDArray[np.int_]) -> Array:

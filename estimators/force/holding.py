@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.force import contact
+from estimators.force import contact, exchange
 from estimators.force.contact import ContactParams
 from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import FINGERS, SEGMENT
+from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
@@ -38,6 +38,7 @@ class Holding:
     speed: Array  # (n,) m/s upwards
     height: Array  # (n,) m above where it was grasped
     flags: NDArray[np.uint8]  # (n, S)
+    turning: Array | None = None  # (n,) W that the fingertips' torques put into it; None where not every force sensor has six axes
 
     @property
     def net(self) -> Array:
@@ -115,7 +116,18 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         distance,
         *_risen(part.t, part.lifting[:, 2] - GRAVITY),
         part.force_flags[:, rows],
+        _turning(part, fingers),
     )
+
+
+def _turning(part: Trajectory, fingers: Sequence[str]) -> Array | None:
+    """(n,) W of the torques of all fingertips that hold it, which turn with their distal phalanges."""
+    rows = [FINGERS.index(f) for f in fingers]
+    if part.torques is None or len(part) < 3 or not np.isfinite(part.torques[:, rows]).all():
+        return None
+    q = part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]]
+    step = quat.log(quat.multiply(q[2:], quat.conjugate(q[:-2]))) / (part.t[2:] - part.t[:-2])[:, None, None]
+    return exchange.turning(part.torques[:, rows], np.concatenate([step[:1], step, step[-1:]]))
 
 
 def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:

@@ -61,6 +61,15 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     return Zero(level, np.sqrt(variance), free, jump)
 
 
+def known_from(t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
+    """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
+
+    `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second.
+    """
+    level, variance = _smoothed(t, readings, free & every(np.isfinite(readings)), noise**2, drift**2)
+    return level, np.sqrt(variance)
+
+
 def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bool_]:
     """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with."""
     known = every(np.isfinite(y))

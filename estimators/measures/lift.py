@@ -30,6 +30,7 @@ TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
 PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
 HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+TURNING_SD = 1e-3  # J: torques within 1 mNm, tips that turn by half a radian on the way, two of them; ours
 NONE = "no force was measured; the glove has no force sensors on the fingertips"
 KINDS = kinds(
     Kind("lift_count", "1", "times that something was lifted", "ours"),
@@ -44,7 +45,8 @@ KINDS = kinds(
     Kind("lift_time_to_release", "s", "mean time from the table until it was let go", PHASES),
     Kind("lift_grip_rate", "N/s", "mean of the fastest rise of the grip force", "ours: of the interpolated force"),
     Kind("lift_height", "m", "mean of how high the object was lifted", "ours: the specific force integrated twice between two rests"),
-    Kind("lift_work", "J", "mean work that the fingertips did on the object on its way up", f"{KORTIER}; power as in (1.15)"),
+    Kind("lift_work", "J", "mean work that the fingertips' forces did on the object on its way up", f"{KORTIER}; power as in (1.15)"),
+    Kind("lift_work_turning", "J", "mean work that the fingertips' torques did on the object on its way up; of force sensors with six axes alone", f"{KORTIER}; power as in (1.15)"),
 )  # fmt: skip
 
 
@@ -190,12 +192,13 @@ def _slips(params: Params, h: Holding, used: NDArray[np.bool_], mass: float) -> 
 def figures(r: Lift) -> list[Figure]:
     """Means over the lifts with the standard error of their scatter and the instrument's."""
     if not r.measured:
-        return [kind.of(np.nan, None, "poor", r.reason) for what, kind in KINDS.items() if what != "force_share"]
+        return [kind.of(np.nan, None, "poor", r.reason) for what, kind in KINDS.items() if what not in ("force_share", "lift_work_turning")]
     told = (r.grade, r.reason)
     made = [KINDS["lift_count"].of(float(len(r.lifts)), 0.0, *told)]
     each = [_values(one) for one in r.lifts]
+    turning = any(one.held.turning is not None for one in r.lifts)
     for what, kind in KINDS.items():
-        if what not in ("lift_count", "force_share"):
+        if what not in ("lift_count", "force_share") and (turning or what != "lift_work_turning"):
             made.append(_mean(kind, [e[what] for e in each], told))
     for k, finger in enumerate(r.lifts[0].held.fingers if r.lifts else ()):
         shares = [(float(one.held.shares[one.off, k].mean()), 0.03) for one in r.lifts]
@@ -222,6 +225,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     up = off & (h.speed > 0)
     step = float(np.median(np.diff(t)))
     work = float((h.load * h.speed)[up].sum() * step)
+    turned = float(np.nansum(h.turning[up]) * step) if h.turning is not None else np.nan
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     return {
         "lift_mass": (one.mass, one.mass_sd),
@@ -235,6 +239,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
         "lift_grip_rate": (float(rise.max()), 0.1 * float(rise.max())),
         "lift_height": (height, height_sd),
         "lift_work": (work, abs(work) * float(np.hypot(load_sd / load, height_sd / height))),
+        "lift_work_turning": (turned, TURNING_SD),
     }
 
 

@@ -97,14 +97,14 @@ def readings(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Arra
     """Readings (n, fingers, 3) N at the instants of the kinematics of the true forces (n, 5, 3)."""
     e = sensors.errors
     read = np.einsum("nfi,fji->nfj", in_sensors(sensors, tips, k, forces), sensors.matrix) + sensors.offset
-    return np.clip(read + _errors(k.t, read.shape, e.drift, e.noise, rng), -e.limit, e.limit)
+    return np.asarray(np.clip(read + _errors(k.t, read.shape, e.drift, e.noise, rng), -e.limit, e.limit))
 
 
 def torques(sensors: ForceSensors, six: SixAxes, tips: SensorSet, k: Kinematics, forces: Array, rng: np.random.Generator) -> Array:
     """Readings (n, fingers, 3) Nm of the same, about the sensors' origins."""
     e = sensors.errors
     read = np.cross(six.touched, in_sensors(sensors, tips, k, forces)) + six.offset
-    return np.clip(read + _errors(k.t, read.shape, e.torque_drift, e.torque_noise, rng), -e.torque_limit, e.torque_limit)
+    return np.asarray(np.clip(read + _errors(k.t, read.shape, e.torque_drift, e.torque_noise, rng), -e.torque_limit, e.torque_limit))
 
 
 def in_sensors(sensors: ForceSensors, tips: SensorSet, k: Kinematics, forces: Array) -> Array:

@@ -17,14 +17,19 @@ POSE = 2.5  # deg by which every freedom of the initial pose may be missed
 
 
 def done(
-    seed: int, perform: Callable[..., Performance] = held_object.lift, rate: float = 12.0, errors: ForceErrors | None = None, **how: Any
+    seed: int,
+    perform: Callable[..., Performance] = held_object.lift,
+    rate: float = 12.0,
+    errors: ForceErrors | None = None,
+    six_axes: bool = False,
+    **how: Any,
 ) -> tuple[Simulated, np.ndarray]:
     """The recording, and the true forces (n, 5, 3) N in the global frame at the instants of its truth."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng(seed).spawn(4)
     somebody = person.drawn("left", of_person)
     pose = tasks.initial_pose(somebody.true, taken=functional.missed(tasks.flat(), POSE, of_pose))
     task = perform(somebody.true, of_motion, **how)
-    glove = ForceGlove(rate=rate, errors=errors or ForceErrors())
+    glove = ForceGlove(rate=rate, errors=errors or ForceErrors(), six_axes=six_axes)
     preset = PRESETS["LSM330DLC/HMC5983"]
     made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)
     t = made.truth.t - pose.motion.duration

@@ -7,21 +7,25 @@ from functools import cache
 import numpy as np
 import pytest
 
+from estimators.force import fingertip_forces
+from estimators.force.fingertip_forces import ForceParams
 from estimators.measures import in_hand, lift
 from estimators.measures.lift import Lift
+from estimators.processing import Processed
 from estimators.quaternions import Array
-from estimators.samples import Block
+from estimators.samples import FORCE, TORQUE, Block
 from estimators.simulation.force_sensors import ForceErrors
 from estimators.simulation.held_object import Mishap
 from estimators.simulation.scenario import Simulated
+from estimators.trajectory import Trajectory
 from tests.estimators.force.lifted import done, followed
 
 Change = Callable[[Array, Array], Array]
 
 
-def measured(made: Simulated) -> Lift:
+def measured(made: Simulated, moved: Trajectory | None = None) -> Lift:
     event = next(e for e in made.events if e.trial_type == "task")
-    return lift.measure(lift.Params(), followed(made).trajectory, event.onset, event.end)
+    return lift.measure(lift.Params(), moved or followed(made).trajectory, event.onset, event.end)
 
 
 def changed(made: Simulated, change: Change, told: bool = True) -> Simulated:
@@ -53,13 +57,63 @@ def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
 
 @cache
 def heavy() -> tuple[Simulated, Array]:
-    """0.44 kg off the table from 0.8 s of the task on, for five seconds."""
-    return done(3, mass=0.44)
+    """0.44 kg off the table from 0.8 s of the task on, for five seconds; the force sensors have six axes."""
+    return done(3, mass=0.44, six_axes=True)
+
+
+@cache
+def heavy_moved() -> Processed:
+    return followed(heavy()[0])
+
+
+def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> None:
+    """M = r x F with r fixed in each sensor: no part along the force, and as large as the lever makes it; as sure as they say."""
+    (made, _), moved = heavy(), heavy_moved().trajectory
+    (one,) = measured(made, moved).lifts
+    held = (moved.t > one.held.t[one.off][0]) & (moved.t < one.held.t[one.off][-1])
+    assert moved.forces is not None and moved.torques is not None and moved.torques_sd is not None
+    F, M, sd = (v[held][:, :2] for v in (moved.forces, moved.torques, moved.torques_sd))
+    along = (M * F).sum(axis=2) / np.linalg.norm(F, axis=2)
+    assert 0.1 < np.mean((along / np.sqrt((sd**2).mean(axis=2))) ** 2) < 2.0
+    lever = np.linalg.norm(M, axis=2) / np.linalg.norm(F, axis=2)
+    true = np.linalg.norm(made.samples["force"].of(TORQUE) - made.samples["force"].of(TORQUE)[:6].mean(axis=0), axis=2).max(axis=0)
+    assert np.linalg.norm(M, axis=2).max(axis=0) == pytest.approx(true, rel=0.15)
+    assert (lever.std(axis=0) < 0.5e-3).all()
+    assert np.isnan(moved.torques[:, 2:]).all()
+    f = {x.what: x for x in lift.figures(measured(made, moved))}
+    assert abs(f["lift_work_turning"].value) < 0.02 * f["lift_work"].value
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "left"),
+    [
+        (lambda v: v[..., 3:], "torques without forces of the same fingertip", False),
+        (lambda v: np.concatenate([v[..., :3], 1e6 * v[..., 3:]], axis=2), "torques that no fingertip exerts", False),
+        (lambda v: np.concatenate([v[..., :3], np.nan * v[..., 3:]], axis=2), "", False),
+        (lambda v: np.where((np.arange(len(v)) % 5 == 0)[:, None, None] & (np.arange(6) > 2), np.nan, v), "", True),
+    ],
+    ids=["without a force", "in another unit", "missing throughout", "missing now and then"],
+)
+def test_torques_that_cannot_be_used_are_not_told_and_leave_the_forces_as_they_are(
+    change: Callable[[Array], Array], said: str, left: bool
+) -> None:
+    (made, _), good = heavy(), heavy_moved().trajectory
+    force = made.samples["force"]
+    values = change(force.values)
+    quantities = (FORCE, TORQUE)[-values.shape[2] // 3 :]
+    block = Block(replace(force.stream, quantities=quantities, full_scale={}), force.t, values)
+    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
+    moved, words = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+    assert (moved.torques is not None) == left
+    assert not said or any(said in w for w in words)
+    if FORCE in quantities:
+        np.testing.assert_array_equal(moved.forces, good.forces)
 
 
 def test_figures_tell_the_phases_and_shares() -> None:
     made, true = heavy()
-    f = {figure.name: figure for figure in lift.figures(measured(made))}
+    f = {figure.name: figure for figure in lift.figures(measured(made, heavy_moved().trajectory))}
     assert f["lift_count"].value == 1
     assert f["lift_load_hold"].value == pytest.approx(0.44 * 9.81, rel=0.08)
     assert f["lift_grip_hold"].value == pytest.approx(

@@ -1,0 +1,50 @@
+"""What a force sensor with six axes tells of torques, at every instant of the hand's movement and without its zero.
+
+In      a block with the torques of one sensor, when the sensor was free, the instants wanted
+Out     torques (n, 3) Nm that the fingertip exerts about the sensor's origin, in the sensor's frame, and their standard deviation (n,)
+Source  Kortier, thesis 6.2 and 6.4: six axes, read and brought to the filter's rate as the forces are; zero.py, interpolation.py
+Limits  a sensor is free where its forces say so: a torque without a force tells no zero, and is not used
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.force import interpolation, zero
+from estimators.quaternions import Array
+from estimators.samples import TORQUE, Block, beyond
+
+LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
+IMPOSSIBLE = 5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
+LEAST = 8  # samples of a sensor that is used
+LOST = 1.0  # s without a sample, beyond which no torque is told
+
+
+@dataclass(frozen=True)
+class Torque:
+    values: Array  # (n, 3) Nm
+    sd: Array  # (n,) Nm, of each axis
+
+
+def read(block: Block, drift: float, t: Array, free: NDArray[np.bool_], at: Array) -> Torque | None:
+    """The torques of a block with one sensor at the instants `at`; None where there are too few.
+
+    `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
+    """
+    raw = block.of(TORQUE)[:, 0]
+    values = np.where((block.at_limit(TORQUE)[:, 0] | beyond(raw, IMPOSSIBLE))[:, None], np.nan, raw)
+    if np.isfinite(values).all(axis=1).sum() < LEAST:
+        return None
+    noise = max(LEVER * float(interpolation.noise_of(block.t, values[:, None] / LEVER)[0]), 1e-6)
+    near = np.clip(np.searchsorted(t, block.t), 0, len(t) - 1)
+    level, level_sd = zero.known_from(block.t, values, free[near], noise, drift)
+    told = interpolation.brought(block.t, (values - level)[:, None] / LEVER, np.array([noise / LEVER]), at)
+    then = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
+    lost = told.distance[:, 0] > LOST
+    return Torque(np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]), np.hypot(LEVER * told.sd[:, 0], level_sd[then]))
+
+
+def impossible(block: Block) -> bool:
+    """Whether any torque of a block with one sensor is more than a fingertip exerts."""
+    return bool(beyond(block.of(TORQUE)[:, 0], IMPOSSIBLE).any())
