@@ -13,15 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators import joint_angles
 from estimators import quaternions as quat
 from estimators.compiled import inlined
+from estimators.hand_anatomy import FLEXION
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product
 
 ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
 SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/ekf_magnetometers.py); nothing where it is not asked for
-AXIS_OF = (2, 0, 1)  # flexion turns about z, deviation about x, pronation about y
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,28 +59,30 @@ def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.boo
     """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
 
     The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
-    errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose.
+    errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose, the skins.
     """
     chains = len(q_pc)
-    L = np.zeros((chains, SIZE, 33))
+    L = np.zeros((chains, SIZE, 42))
     missed, seen = np.radians(params.pose_sd), np.radians(params.angle_sd)
+    skin = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])  # of the first joint that of both sensors
     L[:, 21:33, 0:12] = _root(seats.covariance)
+    L[:, range(33, 42), range(33, 42)] = np.repeat(skin, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
+    angles = joint_angles.decompose(q_pc)
+    by_skin = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(chains, 3, 3, 42)  # what turns the sensors already
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
         level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
-        pose, tilt = np.zeros((chains, 3, 33)), np.zeros((chains, 3, 33))
-        pose[:, AXIS_OF, range(24 + 3 * j, 27 + 3 * j)] = missed * free[:, j]
+        pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
+        pose[:, :, 24 + 3 * j : 27 + 3 * j] = missed * free[:, j, None] * joint_angles.axes(angles[:, j])
         tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = -seen * level @ R_cp[:, j], seen * level
-        asked = pose + R_cp[:, j] @ L[:, 21 + 3 * j : 24 + 3 * j]  # dth + m_c: the joint is as asked but for what is missed
+        parent = L[:, 21 + 3 * j : 24 + 3 * j] - (by_skin[:, j - 1] if j else 0.0)
+        asked = pose + R_cp[:, j] @ parent + by_skin[:, j]  # dth + m_c: the joint is as asked but for what is missed
         seat = np.where(seats.aligned[:, j + 1, None, None], about @ L[:, place] + level @ (asked - tilt), L[:, place])
         L[:, place] = seat
         L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
-    P = L @ L.transpose(0, 2, 1)
-    skin = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])  # of the first joint that of both sensors
-    P[:, range(33, 42), range(33, 42)] = np.repeat(skin**2, 3)
-    return np.asarray(P)
+    return np.asarray(L @ L.transpose(0, 2, 1))
 
 
 @inlined

@@ -29,6 +29,17 @@ def compose(angles: Array) -> Array:
     return _compose(angles, quat.ROW)
 
 
+def axes(angles: Array) -> Array:
+    """Axes (..., 3, 3 angles), in the child's frame, about which each angle turns it at `angles` (..., 3): q(angles + da) = q(angles) exp(axes @ da)."""
+    deviation, pronation = angles[..., DEVIATION], angles[..., PRONATION]
+    cx, sx, cy, sy = np.cos(deviation), np.sin(deviation), np.cos(pronation), np.sin(pronation)
+    found = np.zeros((*angles.shape, 3))
+    found[..., FLEXION] = np.stack([-sy * cx, sx, cy * cx], axis=-1)
+    found[..., DEVIATION] = np.stack([cy, np.zeros_like(cy), sy], axis=-1)
+    found[..., 1, PRONATION] = 1.0
+    return found
+
+
 def of_segments(q_GS: Array) -> Array:
     """Angles of all joints (..., joints, 3) of segment orientations (..., segments, 4); NaN where either side is not known."""
     return decompose(quat.relative(q_GS[..., PARENTS, :], q_GS[..., CHILDREN, :]))

@@ -167,10 +167,7 @@ def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_ve
     )  # segment to sensor
     missed = 0.5 * DEG * rng.normal(size=(trials, 3, 3)) * FREE_INDEX
     q_joint = joint_angles.compose(missed)
-    q_HB = [np.tile(quat.IDENTITY, (trials, 1))]
-    for j in range(3):
-        q_HB.append(quat.multiply(q_HB[-1], q_joint[:, j]))
-    q_HS = quat.multiply(np.stack(q_HB, axis=1), quat.conjugate(q_nominal))  # of the sensors as they sit
+    q_HS = quat.multiply(_chained(q_joint), quat.conjugate(q_nominal))  # of the sensors as they sit
     seen = quat.rotate(quat.conjugate(q_HS), up)
     seen += 0.2 * DEG * rng.normal(size=(trials, 4, 3)) * [0, 1, 1]
     turn = quat.exp(np.cross(seen, seen[:, :1]))  # small: each sensor's frame is turned until it sees up where the hand's sees it
@@ -180,6 +177,26 @@ def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_ve
     P = ekf_seats.after_pose(params, np.tile(quat.IDENTITY, (1, 3, 1)), np.tile(9.81 * up, (1, 4, 1)), FREE_INDEX[None], _seats(params))[0]
     kept = np.r_[0:9, 21:33]
     np.testing.assert_allclose(np.cov(errors.T) / DEG**2, P[np.ix_(kept, kept)] / DEG**2, atol=0.06)
+
+
+def test_a_pose_leaves_each_freedom_of_a_thumb_held_aside_to_what_is_missed() -> None:
+    """Its axes are not at right angles there."""
+    params, angles = FilterParams(misalignment=1e-3, angle_sd=1e-6, pose_sd=1.45), np.array([[[30.0, -45.0, 60.0], [0, 0, 0], [0, 0, 0]]]) * DEG
+    q_pc = joint_angles.compose(angles)
+    up = quat.rotate(quat.conjugate(_chained(q_pc)), np.array([1.0, 0.0, 0.0]))
+    P = ekf_seats.after_pose(params, q_pc, up, ekf_updates.IS_FREE[:1], _seats(params))[0]
+    A = _seated(q_pc, np.tile(quat.IDENTITY, (1, 4, 1)), np.zeros((1, 3, 3))).A[0]
+    J = ekf_updates.angle_jacobian(angles[0, 0])
+    of_angles = J @ (A @ P @ A.T)[:3, :3] @ J.T
+    np.testing.assert_allclose(np.sqrt(np.diag(of_angles)) / DEG, 1.45, rtol=1e-3)
+
+
+def _chained(q_pc: Array) -> Array:
+    """Orientations (F, 4, 4) of a chain's segments against its first, of the rotations of its joints (F, 3, 4)."""
+    q = [np.tile(quat.IDENTITY, (len(q_pc), 1))]
+    for j in range(3):
+        q.append(quat.multiply(q[-1], q_pc[:, j]))
+    return np.stack(q, axis=1)
 
 
 def _samples(t: Array, turn: Array, acc: Array | None = None, q_first: Array | None = None) -> Samples:

@@ -45,6 +45,14 @@ def test_a_turn_about_one_axis_is_one_angle(axis: int, angle: int) -> None:
     np.testing.assert_allclose(joint_angles.decompose(quat.about(axis, 40 * DEG)), expected, atol=1e-15)
 
 
+def test_each_angle_turns_the_child_about_its_axis(rng: np.random.Generator) -> None:
+    angles = rng.uniform([-3.0, -1.5, -3.0], [3.0, 1.5, 3.0], (30, 3))
+    step = 1e-6 * np.eye(3)
+    q = joint_angles.compose(angles)[:, None]
+    turned = quat.log(quat.relative(q, joint_angles.compose(angles[:, None] + step)))  # (30, angle, 3)
+    np.testing.assert_allclose(joint_angles.axes(angles), turned.swapaxes(1, 2) / 1e-6, atol=1e-5)
+
+
 @given(st.sampled_from([-1.0, 1.0]), st.floats(1e-6, 1e-3), st.floats(-3, 3), st.floats(-3, 3))
 def test_close_to_gimbal_lock_the_rotation_is_kept(side: float, off: float, flexion: float, pronation: float) -> None:
     q = joint_angles.compose(np.array([flexion, side * (np.pi / 2 - off), pronation]))
