@@ -108,6 +108,10 @@ class Trajectory:
         first, last = np.searchsorted(self.t, [start, stop])
         return self._each(lambda a: a[first:last])
 
+    def at(self, rows: "NDArray[np.intp]") -> "Trajectory":
+        """The samples of these rows."""
+        return self._each(lambda a: a[rows])
+
     def without(self, spans: Iterable[tuple[float, float]]) -> "Trajectory":
         """The samples outside these stretches of time [start, stop]."""
         kept = np.ones(len(self), bool)

@@ -26,6 +26,7 @@ REPRODUCTIONS = {
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",
     "drift": "10 and 60 minutes without magnetometers",
+    "honesty": "whether the standard deviations of ekf are as large as its errors",
     "broad": "the fusion on real trials (Laidig et al. 2021)",
 }
 

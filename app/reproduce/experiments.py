@@ -95,7 +95,7 @@ def estimated(recording: Simulated, variant: str) -> tuple[Trajectory, Trajector
 def at_the_truths_instants(recording: Simulated, moved: Trajectory) -> tuple[Trajectory, Trajectory]:
     """The estimate and the truth where the experiment is judged."""
     where = judged(recording)
-    return _at(moved, _rows(moved.t, recording.truth.t[where])), _at(recording.truth, np.flatnonzero(where))
+    return moved.at(_rows(moved.t, recording.truth.t[where])), recording.truth.at(np.flatnonzero(where))
 
 
 def simulated_setting(disturbed: bool) -> tuple[str, ...]:
@@ -147,8 +147,3 @@ def _rows(t: Array, wanted: Array) -> Rows:
     k = np.searchsorted(t, wanted - 1e-6)
     assert k[-1] < len(t) and np.abs(t[k] - wanted).max() < 1e-6, "an instant that was not estimated"
     return np.asarray(k)
-
-
-def _at(trajectory: Trajectory, k: Rows) -> Trajectory:
-    t = trajectory
-    return replace(t, t=t.t[k], angles=t.angles[k], q_GS=t.q_GS[k], tips=t.tips[k], flags=t.flags[k], angles_sd=None, tips_sd=None)

@@ -1,0 +1,82 @@
+"""Whether `ekf`'s standard deviations are as large as its errors: with its defaults, and told sizes as small as the simulated errors are."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from app.reproduce import Wanted
+from app.reproduce.experiments import Trial, at_the_truths_instants, performed, simulated_setting
+from app.reproduce.finding import Finding, Row, Spread, Table, spread
+from estimators.hand_anatomy import IS_DOF
+from estimators.methods import ekf
+from estimators.options import describe
+from estimators.processing import process
+from estimators.quaternions import Array
+from estimators.simulation.sensors import SensorErrors
+
+EXPERIMENTS = ("AF-F2", "tapping", "free")
+NOISE = SensorErrors().gyr_noise
+SIZES: Mapping[str, ekf.Params] = {
+    "defaults": ekf.Params(),
+    "as simulated": ekf.Params(
+        gyr_noise=NOISE,
+        bias_sd=round(NOISE / np.sqrt(3.0), 3),  # white noise over the three seconds of a pose in which nobody sways
+        creeping=0.02,
+        inclination=0.2,
+        dimension_noise=0.5,
+    ),
+}
+TOLD = ("gyr_noise", "bias_sd", "creeping", "inclination", "dimension_noise")
+COLUMNS = tuple(f"{what}, {sizes}" for what in ("angles", "tips") for sizes in SIZES)
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    return [Trial(name, seed) for name, seed in product(EXPERIMENTS, range(wanted.seeds))]
+
+
+def measure(trial: Trial) -> Mapping[str, float]:
+    """Squared errors over their variances, by column: means over all freedoms or tips and all instants of the task."""
+    recording, found = performed(trial), {}
+    for name, params in SIZES.items():
+        estimate, truth = at_the_truths_instants(recording, process(ekf, params, recording).trajectory)
+        assert estimate.angles_sd is not None and estimate.tips_sd is not None, "ekf tells its standard deviations"
+        error = (estimate.angles - truth.angles + np.pi) % (2 * np.pi) - np.pi
+        found[f"angles, {name}"] = _squares(error[:, IS_DOF], estimate.angles_sd[:, IS_DOF])
+        found[f"tips, {name}"] = _squares(estimate.tips - truth.tips, estimate.tips_sd)
+    return found
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
+    def of(experiments: Sequence[str], column: str) -> Spread:
+        return spread(found[column] for trial, found in results if trial.experiment in experiments)
+
+    kinds = {**{name: (name,) for name in EXPERIMENTS}, "all": EXPERIMENTS}
+    rows = tuple(Row(name, {column: of(experiments, column) for column in COLUMNS}) for name, experiments in kinds.items())
+    table = Table("Normalised error squared (1 = as sure as it says, less = too careful)", COLUMNS, rows, over="people")
+    remarks = tuple(f"{column}: {bounds(rows[-1].ours[column])}." for column in COLUMNS)
+    return Finding("honesty", "How honest the standard deviations of `ekf` are", _setting(), (table,), remarks=remarks)
+
+
+def _squares(error: Array, sd: Array) -> float:
+    return float(np.nanmean((error / sd) ** 2))
+
+
+def bounds(s: Spread) -> str:
+    """The mean with its 95 % bounds over people, and what that makes of the standard deviations."""
+    half = 1.96 * s.sd / np.sqrt(s.count)
+    said = "as large as the errors" if abs(s.mean - 1) <= half else f"{abs(s.mean**-0.5 - 1):.0%} too {'large' if s.mean < 1 else 'small'}"
+    return f"{s.mean:.2f} ± {half:.2f} (95 %), standard deviations {said}"
+
+
+def _setting() -> tuple[str, ...]:
+    sizes = (
+        f"`{d.name}` {getattr(SIZES['as simulated'], d.name):g} instead of {d.default:g} {d.unit}"
+        for d in describe(ekf.Params)
+        if d.name in TOLD
+    )
+    return (
+        f"Method ekf, over the task. `as simulated`: {', '.join(sizes)}. The defaults are what makers of sensors and real recordings say; simulated people "
+        "hold perfectly still in the pose, their sensors at rest hardly creep, and their hinges are exact.",
+        *simulated_setting(False),
+    )
