@@ -10,11 +10,13 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from io import BufferedReader
+from itertools import groupby
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, cast
 
-from app.devices.pipes import Kind, read_frame, write_frame
+from app.devices.pipes import Kind, frames_that_wait, write_frame
 from estimators.samples import Block, Event
 from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler
@@ -35,7 +37,7 @@ class GloveState:
 class Glove:
     """A context manager: entering starts the recording process, leaving finishes the recording."""
 
-    def __init__(self, port: str, recording: Path, metadata: Mapping[str, Any], on_blocks: Callable[[list[Block]], None]) -> None:
+    def __init__(self, port: str, recording: Path, metadata: Mapping[str, Any], on_blocks: Callable[[list[Block]], object]) -> None:
         self.recording, self._port, self._metadata, self._on_blocks = recording, port, metadata, on_blocks
         self.assembler = Assembler()
         self.state = GloveState()
@@ -108,13 +110,13 @@ class Glove:
             self._set_state(GloveState("recording_failed", "the recording process ended", self.state.dropped))
 
     def _receive(self) -> None:
-        assert self._process.stdout is not None
-        while (frame := read_frame(self._process.stdout)) is not None:
-            kind, at, data = frame
-            if kind is Kind.STATE:
-                self._take_state(json.loads(data))
-            elif kind is Kind.CHUNK:
-                self._take_chunk(data, at)
+        for frames in frames_that_wait(cast(BufferedReader, self._process.stdout)):
+            for is_wire, some in groupby(frames, key=lambda frame: frame[0] is Kind.CHUNK):
+                if is_wire:
+                    self._take_chunks([(at, data) for _, at, data in some])
+                else:
+                    for _, _, data in some:
+                        self._take_state(json.loads(data))
             with self._changed:
                 self._changed.notify_all()
         if self.state.state != "finished":
@@ -126,13 +128,14 @@ class Glove:
             self.send(wire.Identify())
             self.send(wire.Start())
 
-    def _take_chunk(self, data: bytes, at: float) -> None:
+    def _take_chunks(self, chunks: list[tuple[float, bytes]]) -> None:
+        """All that waited is decoded together: a few samples of a stream cost little more than one."""
         try:
             if self._worn_on is not None:  # in this thread: nothing else touches the assembler
                 worn_on, self._worn_on = self._worn_on, None
                 self.assembler.exchange(worn_on)
                 self._begin()
-            blocks = self.assembler.feed(data, at)
+            blocks = self.assembler.feed_all(chunks)
             if blocks:
                 self._on_blocks(blocks)
         except Exception:  # the view may fail, the recording goes on: count it, the station shows it

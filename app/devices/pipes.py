@@ -1,7 +1,9 @@
 """Frames between the server and the process that records: a kind, a time and bytes."""
 
 import struct
+from collections.abc import Iterator
 from enum import IntEnum
+from io import BufferedReader
 from typing import IO
 
 
@@ -17,9 +19,11 @@ class Kind(IntEnum):
 
 
 HEAD = struct.Struct("<BdI")
+AT_ONCE = 65536  # bytes, what a pipe holds
+Frame = tuple[Kind, float, bytes]
 
 
-def read_frame(stream: IO[bytes]) -> tuple[Kind, float, bytes] | None:
+def read_frame(stream: IO[bytes]) -> Frame | None:
     """The next frame; None when the other side is gone."""
     head = stream.read(HEAD.size)
     if head is None or len(head) < HEAD.size:
@@ -27,6 +31,29 @@ def read_frame(stream: IO[bytes]) -> tuple[Kind, float, bytes] | None:
     kind, at, size = HEAD.unpack(head)
     data = stream.read(size)
     return (Kind(kind), at, data) if len(data) == size else None
+
+
+def frames_that_wait(stream: BufferedReader) -> Iterator[list[Frame]]:
+    """All frames that are there, as soon as there is one; ends when the other side is gone. Nobody else may read the stream."""
+    rest = b""
+    while data := stream.read1(AT_ONCE):
+        frames, rest = _cut(rest + data)
+        if frames:
+            yield frames
+
+
+def _cut(data: bytes) -> tuple[list[Frame], bytes]:
+    """Whole frames, and the beginning of the one behind them."""
+    frames: list[Frame] = []
+    first = 0
+    while len(data) - first >= HEAD.size:
+        kind, at, size = HEAD.unpack_from(data, first)
+        begin, end = first + HEAD.size, first + HEAD.size + size
+        if end > len(data):
+            break
+        frames.append((Kind(kind), at, data[begin:end]))
+        first = end
+    return frames, data[first:]
 
 
 def write_frame(stream: IO[bytes], kind: Kind, at: float, data: bytes = b"") -> None:

@@ -70,8 +70,10 @@ def test_the_bytes_may_be_cut_anywhere(where: list[int]) -> None:
     got = [b for a, z in zip(edges, edges[1:]) for b in assembler.feed(data[a:z], 100.0)]
     (whole,) = (b for b in Assembler().feed(data, 100.0) if b.stream.name == "index")
     pieces = join([b for b in got if b.stream.name == "index"])
-    np.testing.assert_array_equal(pieces.t, whole.t)
-    np.testing.assert_array_equal(pieces.values, whole.values)
+    (together,) = (b for b in Assembler().feed_all((100.0, data[a:z]) for a, z in zip(edges, edges[1:])) if b.stream.name == "index")
+    for block in (pieces, together):
+        np.testing.assert_array_equal(block.t, whole.t)
+        np.testing.assert_array_equal(block.values, whole.values)
 
 
 @given(st.lists(st.one_of(ANY, ANY.map(lambda m: replace(m, stream=10, slot=0) if isinstance(m, wire.StreamInfo) else m)), max_size=30))

@@ -1,6 +1,7 @@
 """The recording process with real pseudo-terminals and files: nothing that was flushed is lost, whatever ends."""
 
 import errno
+import io
 import os
 import resource
 import signal
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from app.devices.glove import Glove
+from app.devices.pipes import Kind, frames_that_wait, write_frame
 from app.devices.ports import open_port
 from estimators.errors import InputError
 from estimators.samples import Block, Event
@@ -145,3 +147,27 @@ def test_a_port_where_no_glove_speaks_gives_no_samples_and_no_harm(tmp_path: Pat
         os.close(master)
         os.close(slave)
     assert len(native.read(tmp_path / "r.mcap").wire) > 0
+
+
+def test_frames_come_whole_and_in_order_however_the_pipe_cuts_them() -> None:
+    frames = [(Kind.CHUNK, 0.5 * k, bytes([k]) * size) for k, size in enumerate((0, 1, 300, 70000, 5))] + [(Kind.STATE, 9.0, b"{}")]
+    sent = io.BytesIO()
+    for frame in frames:
+        write_frame(sent, *frame)
+    for most in (1, 7, 1000, 1 << 20):
+        assert [f for some in frames_that_wait(io.BufferedReader(Cut(sent.getvalue(), most))) for f in some] == frames
+
+
+class Cut(io.RawIOBase):
+    """A pipe that gives some bytes at a time."""
+
+    def __init__(self, data: bytes, most: int) -> None:
+        self._data, self._most = io.BytesIO(data), most
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._data.read(min(self._most, len(buffer)))
+        buffer[: len(data)] = data
+        return len(data)
