@@ -1,6 +1,6 @@
 """A live station: one glove, one patient's session, one scene, led by the wizard.
 
-glove thread:    bytes are recorded, decoded, handed to the tracker (never waits)
+glove thread:    bytes that a process of its own has recorded are decoded, handed to the tracker; the more others compute, the more of them together
 tracker thread:  newest pose -> curve, notice to viewers, scene (in a process of its own)
 station thread:  facts -> wizard -> orders, ghost, notice to viewers, 10 times a second
 requests:        `act` leaves a person's wish, `snapshot` tells where things stand
@@ -185,9 +185,9 @@ class Station:
             self._viewers.notify()
 
     def _fed(self, blocks: list[Block]) -> None:
-        """In the glove's thread."""
-        self.tracking.feed(blocks)
+        """In the glove's thread: what comes next is read once the tracker wants more; until then the pipe keeps it."""
         self.whereabouts.feed(blocks)
+        time.sleep(self.tracking.feed(blocks))
 
     def _place(self) -> None:
         """Where the hand is, seen from the trunk."""

@@ -5,6 +5,7 @@ Nothing here can hold up the recording: the queue is bounded, and full means tha
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,6 +37,7 @@ PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the ta
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
+LONGEST_REST = 0.03  # s between two feedings, of the 80 ms that a viewer under load may be told late
 PATIENCE = 0.1  # s that a silent strip is waited for
 
 
@@ -73,6 +75,7 @@ class Tracking:
         self._patience = patience
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view left out; the recording has them
+        self._rest = 0.0  # s, after the newest blocks
         self.failures = 0  # times that the method failed and was started again
         self._failed_since = 0  # of them since it last did not
         self.calibration: Calibration | None = None
@@ -104,14 +107,15 @@ class Tracking:
             self._wake.notify()
         self._thread.join(5.0)
 
-    def feed(self, blocks: list[Block]) -> None:
-        """Take blocks from the glove's thread; never waits."""
+    def feed(self, blocks: list[Block]) -> float:
+        """Take blocks from the glove's thread; never waits. Gives how long (s) no more are wanted."""
         with self._wake:
             self._queue.extend(blocks)
             while len(self._queue) > QUEUE:
                 self._queue.popleft()
                 self.skipped += 1
             self._wake.notify()
+        return self._rest
 
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
@@ -248,10 +252,12 @@ class Tracking:
                     return
                 blocks = _joined(self._queue)
                 self._queue.clear()
+            began, computed = time.monotonic(), time.thread_time()
             with self._lock:
                 newest = self._take(blocks)
             if newest is not None:
                 self._show(newest)
+            self._rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
 
     def _show(self, rows: Trajectory) -> None:
         """Hand rows on; what is done with them may fail, and the method goes on."""
@@ -333,6 +339,14 @@ class Tracking:
         kept.append(block)
         while kept[0].t[-1] < block.t[-1] - PAST_SAMPLES:
             kept.popleft()
+
+
+def rest_after(took: float, computed: float) -> float:
+    """How long (s) nothing more is wanted after blocks that it took so long to step, of which it computed only a part.
+
+    Until they are stepped, and then as long again as others had the machine: where much waits for its turn, fewer and larger steps cost all of them less.
+    """
+    return min(LONGEST_REST, took + (took - computed))
 
 
 def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: bool) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from app.live.tracking import QUEUE, Tracking
+from app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
 from estimators import initial_pose, processing, trajectory
 from estimators.errors import InputError
 from estimators.functional_steps import STEPS
@@ -283,3 +283,9 @@ def test_a_dead_sensor_is_named_without_a_pose() -> None:
         tracking.feed(list(samples.values()))
         wait_for(lambda: tracking.newest_sample() > 12.0)
         assert {f.sensor for f in tracking.faults()} == {"ring_distal"}
+
+
+def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_than_thirty_times_a_second() -> None:
+    assert rest_after(0.002, 0.002) == 0.002  # all of it was work: more is wanted at once
+    assert rest_after(0.006, 0.002) == pytest.approx(0.010)
+    assert rest_after(3.0, 0.1) == LONGEST_REST < 1 / 30
