@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 
@@ -58,9 +59,9 @@ class Curve:
                 self._points.popleft()
 
     def since(self, t: float) -> list[tuple[float, float]]:
-        """Points later than t."""
+        """Points later than t, of which a viewer who follows has few to come."""
         with self._lock:
-            return [p for p in self._points if p[0] > t]
+            return list(takewhile(lambda p: p[0] > t, reversed(self._points)))[::-1]
 
     def attempt(self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()) -> None:
         """Keep the points of an attempt: from its onset on, but for pauses, until another begins; its end is told when it is over."""

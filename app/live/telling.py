@@ -1,6 +1,7 @@
 """What a page is told about a live station: plain data, clinical words, degrees and millimetres."""
 
 import time
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from estimators.measures import repetitions, tapping
 if TYPE_CHECKING:
     from app.live.station import Station
 
+FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
+MOVING = tuple(np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T)  # where they stand in a row's angles
 SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
 STOPPED = ("Nothing more is recorded", "What was recorded and accepted until then is kept; the trial that ran is not. End the session.")
 PASSIVE = (
@@ -297,13 +300,8 @@ def _joint(j: JointQuality) -> dict[str, Any]:
 def _angles(station: "Station") -> list[dict[str, Any]]:
     if station.latest is None:
         return []
-    row = np.degrees(station.latest.angles[-1])
-    return [
-        {"joint": joint.name, "angle": ANGLES[a], "deg": round(float(row[j, a]), 1)}
-        for j, joint in enumerate(JOINTS)
-        for a in joint.dofs
-        if np.isfinite(row[j, a])
-    ]
+    row = np.degrees(station.latest.angles[-1][MOVING]).tolist()
+    return [{"joint": joint, "angle": angle, "deg": round(deg, 1)} for (joint, angle), deg in zip(FREEDOMS, row) if isfinite(deg)]
 
 
 def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]]:
