@@ -17,7 +17,7 @@ from estimators.hand_anatomy import CHAINS
 from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Event, Stream
+from estimators.samples import FORCE, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
 from sessions.wire.framing import Counters, Decoder
 from sessions.wire.messages import (
@@ -232,7 +232,8 @@ class Assembler:
             before = self._readings.get(number)
             if before is None or (before.stream, before.info, before.told) != (stream, info, told):
                 correction = imu_calibration.correction(calibrations, info.quantities) if calibrations else None
-                self._readings[number] = _Reading(self.streams[number], info, told, correction)
+                limits = np.repeat([SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3)
+                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits)
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
         """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
@@ -290,14 +291,18 @@ class Assembler:
     def _block(self, bursts: "list[_Burst]") -> Block:
         """The samples of consecutive bursts of one stream, in SI units and corrected."""
         reading = bursts[0].reading
-        fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
-        values = values_of([b.samples for b in bursts], reading.info, len(reading.stream.sensors))[fresh]
+        t = bursts[0].t if len(bursts) == 1 else np.concatenate([b.t for b in bursts])
+        values = values_of([b.samples for b in bursts], reading.info, len(reading.stream.sensors))
+        if any(b.stale for b in bursts):
+            fresh = np.concatenate([np.arange(len(b.t)) >= b.stale for b in bursts])
+            t, values = t[fresh], values[fresh]
         if reading.correction is not None:
             values = imu_calibration.corrected(reading.correction, values)
-        for quantity, limit in reading.stream.full_scale.items():
-            at_limit = np.abs(values[..., reading.stream.axes(quantity)]) >= 0.98 * limit
-            self.counts[reading.stream.name].saturated += int(at_limit.any(axis=-1).sum())
-        return Block(reading.stream, np.concatenate([b.t for b in bursts])[fresh], values)
+        at_limit = np.abs(values) >= reading.limits
+        if at_limit.any():  # hardly ever
+            count = self.counts[reading.stream.name]
+            count.saturated += sum(int(at_limit[..., reading.stream.axes(q)].any(axis=-1).sum()) for q in reading.stream.quantities)
+        return Block(reading.stream, t, values)
 
 
 @dataclass(frozen=True)
@@ -308,6 +313,7 @@ class _Reading:
     info: StreamInfo
     told: tuple[StripCalibration, ...]
     correction: Correction | None
+    limits: Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
 
 
 @dataclass(frozen=True)
