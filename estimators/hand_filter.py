@@ -87,6 +87,9 @@ class HandPath:
         return len(self.t)
 
 
+NOTHING = HandPath(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 4)), np.empty((0, 3)), np.empty(0, bool))
+
+
 def start(params: HandFilterParams, calibration: Calibration) -> State:
     """At rest where it is, as the pose found it; without a pose the first sample tells the inclination."""
     q_BS = calibration.q_BS.get("hand", quat.IDENTITY)
@@ -112,25 +115,25 @@ def start(params: HandFilterParams, calibration: Calibration) -> State:
 def step(params: HandFilterParams, state: State, block: Block) -> tuple[State, HandPath]:
     """Advance by one block of any length; blocks without the hand's sensor change nothing, and nothing depends on where they are cut."""
     if "hand" not in block.stream.sensors or not len(block.t):
-        return state, _joined([])
+        return state, NOTHING
     k = block.stream.sensors.index("hand")
     if MAG in block.stream.quantities:
         mag = block.of(MAG)[:, k]
         mag = mag[np.isfinite(mag).all(axis=1)]
         state = replace(state, mag=quat.rotate(state.q_BS, mag[-1])) if len(mag) else state
     if not block.stream.inertial:
-        return state, _joined([])
+        return state, NOTHING
     samples = np.concatenate([quat.rotate(state.q_BS, block.of(GYR)[:, k]), quat.rotate(state.q_BS, block.of(ACC)[:, k])], axis=1)
     good = np.isfinite(samples).all(axis=1)
     state = replace(
         state, waiting=np.concatenate([state.waiting, samples[good]]), waiting_t=np.concatenate([state.waiting_t, block.t[good]])
     )
-    return _advance(params, state, until=len(_ends(params, state.waiting_t)))
+    return _advance(params, state, whole=False)
 
 
 def finish(params: HandFilterParams, state: State) -> tuple[State, HandPath]:
     """Give out what still waits for its window's end."""
-    return _advance(params, state, until=None)
+    return _advance(params, state, whole=True)
 
 
 def _ends(params: HandFilterParams, t: Array) -> NDArray[np.int_]:
@@ -139,14 +142,17 @@ def _ends(params: HandFilterParams, t: Array) -> NDArray[np.int_]:
     return np.flatnonzero(np.diff(slot) > 0) + 1
 
 
-def _advance(params: HandFilterParams, state: State, until: int | None) -> tuple[State, HandPath]:
-    edges = [0, *_ends(params, state.waiting_t)] if until is not None else [0, *_ends(params, state.waiting_t), len(state.waiting_t)]
+def _advance(params: HandFilterParams, state: State, whole: bool) -> tuple[State, HandPath]:
+    """Through the windows that have ended, or all that waits."""
+    edges = [0, *_ends(params, state.waiting_t), *([len(state.waiting_t)] if whole else [])]
+    if len(edges) == 1:
+        return state, NOTHING
     pieces, samples, t = [], state.waiting, state.waiting_t
     for first, last in zip(edges[:-1], edges[1:]):
         if last > first:
             state, piece = _window(params, state, t[first:last], samples[first:last])
             pieces.append(piece)
-    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _joined(pieces)
+    return replace(state, waiting=samples[edges[-1] :], waiting_t=t[edges[-1] :]), _joined(pieces) if pieces else NOTHING
 
 
 def _window(params: HandFilterParams, state: State, t: Array, samples: Array) -> tuple[State, HandPath]:
@@ -270,6 +276,4 @@ def _forgotten(state: State) -> State:
 
 
 def _joined(pieces: list[HandPath]) -> HandPath:
-    if not pieces:
-        return HandPath(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 4)), np.empty((0, 3)), np.empty(0, bool))
     return HandPath(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(HandPath)))

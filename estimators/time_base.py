@@ -180,6 +180,7 @@ def _places(numbers: list[int]) -> Places:
     return slice(first, first + len(numbers)) if numbers == list(range(first, first + len(numbers))) else np.array(numbers, np.intp)
 
 
+@cache
 def _no_rows() -> Rows:
     return Rows(np.empty(0), np.empty((0, len(SEGMENTS), 4)), np.empty((0, len(SEGMENTS)), np.uint8), np.empty((0, len(SEGMENTS))))
 

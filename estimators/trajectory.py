@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from enum import IntFlag
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,8 +130,9 @@ class Trajectory:
         return Trajectory(**{name: change(v) if isinstance(v, np.ndarray) else v for name, v in values.items()})
 
 
+@cache
 def empty(hand: Hand) -> Trajectory:
-    """A trajectory without samples."""
+    """The trajectory without samples."""
     n_joints, n_segments = len(JOINTS), len(SEGMENTS)
     return Trajectory(
         hand,
@@ -143,7 +145,10 @@ def empty(hand: Hand) -> Trajectory:
 
 
 def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
-    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that the memory is not doubled."""
+    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that the memory is not doubled. One alone is itself."""
+    full: list[Trajectory] = [p for p in pieces if len(p)] if isinstance(pieces, list) else []
+    if len(full) == 1:
+        return full[0]
     grown: dict[str, Array] = {}
     partial: set[str] = set()  # standard deviations that not every piece has
     rows = 0
