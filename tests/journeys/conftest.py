@@ -14,6 +14,12 @@ from tests.journeys.house import ROOT, Server, api, begun, new_patient, shown
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
+SELDOM = """
+  const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
+  const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
+  window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), 1000) : draws(draw));
+  window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
+"""  # a picture a second once the hand stands in the scene: without a graphics card each takes half a second of both cores
 
 
 @pytest.fixture(scope="session")
@@ -59,6 +65,7 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
         context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, "base_url": server.base, **options})  # type: ignore[arg-type]
         answer = context.request.post("/api/login", data={"token": server.token()})
         assert answer.ok, answer.text()
+        context.add_init_script(SELDOM)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
