@@ -38,6 +38,15 @@ def browser() -> Iterator[Browser]:
         one.close()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten(request: pytest.FixtureRequest) -> Iterator[None]:
+    """What the functions of a test module have kept is given back after its tests: recordings are large, and a worker runs all modules."""
+    yield
+    for made in vars(request.module).values():
+        if hasattr(made, "cache_clear") and made.__module__ == request.module.__name__:
+            made.cache_clear()
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20250726)

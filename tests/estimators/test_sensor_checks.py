@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ TASKS = [name for name in tasks.TASKS if name != "initial_pose"]
 QUARTER = np.pi / 2
 
 
-@cache
+@lru_cache(maxsize=8)  # as many as tests share; each is some 20 MB
 def made(task: str, hand: str = "left", seed: int = 0, errors: SensorErrors = SensorErrors(), magnetic: bool = False) -> Simulated:  # noqa: B008  frozen
     geometry, field = sized(hand), homogeneous() if magnetic else None  # type: ignore[arg-type]
     return simulate(["initial_pose", task], hand, geometry, np.random.default_rng(seed), errors, field=field)  # type: ignore[arg-type]
