@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from estimators.calibration import Known
 from estimators.errors import InputError
 from sessions import calibration_result
-from sessions.tables import PatientSession, RecordingFile, Result, Reuse, SelfCalibration, now
+from sessions.tables import Patient, PatientSession, RecordingFile, Result, Reuse, SelfCalibration, now
 
 NOTHING, LENGTHS, ALL = "nothing", "lengths", "lengths_and_seats"
 PARTS = (NOTHING, LENGTHS, ALL)
@@ -93,9 +93,13 @@ def withdraw(db: Session, self_calibration_id: int, withdrawn: bool) -> SelfCali
 def offers(session: PatientSession) -> list[Offer]:
     """What the session may take over, the newest movement first."""
     worn = _worn(session)
-    hand = [c for c in session.patient.self_calibrations if c.hand == session.hand and c.withdrawn is None]
-    ordered = sorted(hand, key=lambda c: (c.recording.session.started, c.onset, c.id), reverse=True)
+    ordered = sorted(of_hand(session.patient, session.hand), key=lambda c: (c.recording.session.started, c.onset, c.id), reverse=True)
     return [_offer(c, worn) for c in ordered]
+
+
+def of_hand(patient: Patient, hand: str) -> list[SelfCalibration]:
+    """What is offered to sessions of the hand, in any order."""
+    return [c for c in patient.self_calibrations if c.hand == hand and c.withdrawn is None]
 
 
 def decide(db: Session, session: PatientSession, parts: str, self_calibration_id: int | None = None) -> Reuse:

@@ -28,6 +28,7 @@ from sessions.tables import Correction, PatientSession, RecordingFile, Result, n
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20
+UNDECIDED = "a self-calibration of this hand is kept; say what the session takes over of it (reuse), also where that is nothing"
 
 
 class Decision(BaseModel):
@@ -45,7 +46,9 @@ class NewSession(BaseModel):
     method: str = "m2"
     options: dict[str, Any] = {}
     examiner: str = Field("", max_length=200)
-    reuse: Decision | None = Field(None, description="what is taken over of an earlier self-calibration; undecided, nothing is")
+    reuse: Decision | None = Field(
+        None, description="what is taken over of an earlier self-calibration; needed where one of the hand is kept"
+    )
 
 
 class SessionChange(BaseModel):
@@ -79,6 +82,8 @@ class NewResult(BaseModel):
 def begin_session(db: Db, parts: PartsDep, patient_id: int, new: NewSession) -> dict[str, Any]:
     """Begin a live session: the glove's recording starts, the station's wizard waits."""
     patient, hand = patients.get(db, patient_id), records.hand_of(new.hand)
+    if new.reuse is None and self_calibrations.of_hand(patient, hand):
+        raise InputError(UNDECIDED)
     parts.stations.require_free(new.port)
     make_setup = live_setup(new.method, new.options, parts.store.folder)
     session, file = records.begin(db, parts.store, patient, hand, patient.hand_measures.get(hand, {}), new.examiner)

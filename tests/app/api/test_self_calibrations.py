@@ -59,6 +59,14 @@ def test_it_is_kept_by_a_press_and_taken_over_as_somebody_decides(
     back = client.put(reuse, json={"parts": "nothing"}).json()["results"]
     assert {"before": pair["now"], "now": first} in back
 
+    begin = f"/api/patients/{patient}/sessions", {"hand": "left", "port": "/dev/null"}
+    undecided = client.post(begin[0], json=begin[1])
+    assert (undecided.status_code, "takes over" in undecided.json()["error"]) == (422, True)
+    assert [s["id"] for s in client.get(f"/api/patients/{patient}").json()["sessions"]] == [session]
+    begun = client.post(begin[0], json={**begin[1], "reuse": {"parts": "nothing"}}).json()["session"]
+    assert client.get(f"/api/sessions/{begun}/reuse").json()["decided"]["parts"] == "nothing"
+    assert client.post(f"/api/sessions/{begun}/closing").status_code == 204
+
     other = client.post("/api/patients", json={"pseudonym": "P-other"}).json()["id"]
     assert "another patient" in client.post(f"/api/patients/{other}/self-calibrations", json={"result": source}).json()["error"]
     withdrawn = client.patch(f"/api/self-calibrations/{kept.json()['id']}", json={"withdrawn": True}).json()
