@@ -47,7 +47,7 @@ export function mount(root, api, about) {
     angles: place("angles", "section"),
     glove: place("glove", "section"),
   };
-  scene.append(places.banner, places.recording, places.countdown, places.metronome);
+  scene.append(h("div", { class: "over" }, places.banner, places.metronome, places.countdown), places.recording);
   strip.append(places.curve, places.numbers);
   const who = h(
     "h1",

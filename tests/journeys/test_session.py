@@ -9,6 +9,14 @@ from playwright.sync_api import Page, expect
 from tests.journeys.house import LONG, Server, act, api, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
+COUNTDOWN_BELOW_BANNER = """() => {
+    const [banner, countdown] = [".banner", ".countdown"].map((one) => document.querySelector(one));
+    banner.hidden = false;
+    banner.textContent = "No data from the glove";
+    const below = countdown.getBoundingClientRect().top >= banner.getBoundingClientRect().bottom;
+    banner.hidden = true;
+    return below;
+}"""
 
 
 def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Path) -> None:
@@ -56,6 +64,7 @@ def _perform(page: Page, task: str, name: str) -> None:
     page.locator(f'[data-task="{task}"]').click()
     act(page, "start").click()
     shown(page.locator(".countdown .digits"))
+    assert page.evaluate(COUNTDOWN_BELOW_BANNER)
     shown(page.get_by_text("Seconds left"))
     shown(page.locator(".numbers dd"))
     keep_picture(page, f"station-{task}")
