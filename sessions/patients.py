@@ -10,6 +10,7 @@ from sqlalchemy.orm.exc import StaleDataError
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import measures_from
+from estimators.measures.trunk_displacement import LEAST, MOST
 from sessions.conflicts import ConflictError, require_seen
 from sessions.pseudonyms import require_code
 from sessions.tables import Note, Patient, PatientSession
@@ -17,7 +18,7 @@ from sessions.tables import Note, Patient, PatientSession
 Rows = TypeVarTuple("Rows")
 LONGEST_PSEUDONYM = 64
 YEARS = (1900, 2100)
-CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "archived")
+CHANGEABLE = ("pseudonym", "year_of_birth", "dominant_hand", "affected_hand", "hand_measures", "trunk_height", "archived")
 
 
 def create(db: Session, pseudonym: str, note: str = "", confirmed: bool = False, **facts: Any) -> Patient:
@@ -100,6 +101,10 @@ def _check(patient: Patient) -> None:
             raise InputError(f"{what.replace('_', ' ')} is left or right, or not given")
     if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
         raise InputError(f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}")
+    if patient.trunk_height is not None and not LEAST <= patient.trunk_height <= MOST:
+        raise InputError(
+            f"the trunk's sensor {patient.trunk_height:g} m above the hips is outside {LEAST:g} to {MOST:g} m; measure it from the hip joint, sitting"
+        )
     for hand, measures in (patient.hand_measures or {}).items():
         if hand not in HANDS:
             raise InputError(f"hand measures are of the left or right hand, not of {hand!r}")

@@ -40,7 +40,7 @@ def begin(
 ) -> tuple[PatientSession, RecordingFile]:
     """A session about to be recorded, with the place of its recording."""
     measures_from(geometry)
-    session = PatientSession(patient=patient, hand=hand, geometry=dict(geometry), examiner=examiner)
+    session = PatientSession(patient=patient, hand=hand, geometry=dict(geometry), trunk_height=patient.trunk_height, examiner=examiner)
     file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
     db.add_all([session, file])
     db.commit()

@@ -44,6 +44,7 @@ class Patient(Base):
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
     hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry by hand: {"left": {...}, "right": {...}}
+    trunk_height: Mapped[float | None]  # m, of the trunk's sensor above the axis of the hips
     archived: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
     version: Mapped[int] = mapped_column(default=1)  # counts changes: two editors at once are noticed
@@ -90,6 +91,7 @@ class PatientSession(Base):
     examiner: Mapped[str] = mapped_column(default="")
     notes: Mapped[str] = mapped_column(default="")
     geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
+    trunk_height: Mapped[float | None]  # m, the patient's when the session began
     version: Mapped[int] = mapped_column(
         default=1, server_default="1"
     )  # counts what people changed (sessions/visit_facts.py), nothing else

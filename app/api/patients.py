@@ -41,6 +41,7 @@ class PatientChange(BaseModel):
     dominant_hand: str | None = None
     affected_hand: str | None = None
     hand_measures: dict[str, dict[str, Any]] | None = Field(None, description="HandGeometry by hand, metres")
+    trunk_height: float | None = Field(None, allow_inf_nan=False, description="of the trunk's sensor above the hips, metres; for reaching")
     archived: bool | None = None
     confirmed: bool = Field(False, description="that the pseudonym is a code although it looks like a name")
 
@@ -167,6 +168,7 @@ def patient_row(p: Patient) -> dict[str, Any]:
         "dominant_hand": p.dominant_hand,
         "affected_hand": p.affected_hand,
         "hand_measures": p.hand_measures,
+        "trunk_height": p.trunk_height,
         "archived": p.archived,
         "created": p.created,
         "version": p.version,

@@ -154,6 +154,7 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
     return {
         **for_reader(who, session_row(session)),
         "geometry": session.geometry,
+        "trunk_height": session.trunk_height,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
         "recordings": [

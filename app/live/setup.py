@@ -20,6 +20,7 @@ class Setup:
     session: int
     hand: Hand
     geometry: HandGeometry
+    trunk_height: float | None = None  # m, of the trunk's sensor above the hips, where it was measured
     port: str
     recording: Path
     method_name: str
@@ -33,3 +34,8 @@ class Setup:
     known_glove: str = ""  # the glove that it was found with
     keep_found: Callable[[Found, str], object] = lambda found, glove: None  # with the patient, when it was accepted
     about: Mapping[str, Any]  # kept in the recording: pseudonym, session, ...
+
+    @property
+    def worn(self) -> Mapping[str, float]:
+        """How the trunk's sensor is worn, as the event of a reach tells it."""
+        return {} if self.trunk_height is None else {"trunk_height": self.trunk_height}

@@ -384,10 +384,10 @@ class Station:
         return self.attempt_numbers
 
     def _keep(self, order: Order) -> None:
-        self.attempt_numbers += 1
+        number, trial = self._number(), self._wizard.accepted(order.task)
         protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
-        for name, event in kept_trials.events(order, protocol, self._wizard.accepted(order.task), self.tracking.newest_sample()):
-            self.glove.keep_event(name.format(self.attempt_numbers), event)
+        for name, event in kept_trials.events(order, protocol, trial, self.tracking.newest_sample(), self.setup.worn):
+            self.glove.keep_event(name.format(number), event)
 
     def _draw(self, facts: Facts) -> None:
         """Ghost, lit segment and caption of the state."""

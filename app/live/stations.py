@@ -150,6 +150,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             session=session.id,
             hand=hand,
             geometry=sized(hand, measures_from(session.geometry)),
+            trunk_height=session.trunk_height,
             port=port,
             recording=recording,
             method_name=method,

@@ -80,6 +80,7 @@ class Where:
     forward: (
         Array  # (n,) m that leaning has carried the trunk's sensor since the first reach was called; NaN where its orientation is not known
     )
+    height: str = ""  # of the trunk's sensor, with which the trunk's displacement was reckoned
 
 
 Found = tuple[float, float, Mapping[str, float]]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
@@ -102,7 +103,7 @@ def places(
     if grade == "poor" or good.sum() < FEWEST:
         return Where((), {}, "poor", reason or "no place of the hand in reach of the magnetometers", part.t, distance, forward)
     ways = [w for a, b in spans if (w := _way(params, part, good, a, b, of_speed, height))]
-    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance, forward)
+    return Where(tuple(ways), _whole(part, good), grade, reason, part.t, distance, forward, _height(params, height))
 
 
 def figures(where: Where | None) -> list[Figure]:
@@ -117,11 +118,20 @@ def figures(where: Where | None) -> list[Figure]:
                 continue
             each = np.array([w.values[what] for w in where.ways if np.isfinite(w.values[what])])
             own = [w.own_sd[what] for w in where.ways if what in w.own_sd]
-            made.append(kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), *_told(where, bool(len(each)))))
+            grade, reason = _told(where, bool(len(each)))
+            reason = "; ".join(r for r in (reason, where.height if what == "trunk_forward" and len(each) else "") if r)
+            made.append(kind.of(float(each.mean()) if len(each) else np.nan, _sd(each, own), grade, reason))
         else:
             value, sd = where.whole.get(what, (np.nan, None))
             made.append(kind.of(value, sd, *_told(where, bool(np.isfinite(value)))))
     return made
+
+
+def _height(params: PlaceMeasure, told: float | None) -> str:
+    """With which height the trunk's displacement was reckoned."""
+    if told is None:
+        return f"the height of the trunk's sensor above the hips was not measured: {1e3 * params.trunk_height:.0f} mm were taken"
+    return f"reckoned with the trunk's sensor {1e3 * told:.0f} mm above the hips, as measured"
 
 
 def _told(where: Where, known: bool) -> tuple[Grade, str]:

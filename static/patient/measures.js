@@ -16,7 +16,8 @@ export function mount(root, api, { record, treats }) {
   const whole = WHOLE.map((name) => entry(t(`measure.${name}`), [name], how(name)));
   const fingers = FINGERS.map((finger) => entry(t("measure.finger", { finger: t(`finger.${finger}`) }), ["finger_length", finger]));
   const inputs = [...whole, ...fingers].flatMap((made) => made.inputs);
-  inputs.forEach(({ input }) => (input.readOnly = !treats));
+  const trunk = h("input", { inputmode: "decimal", autocomplete: "off", name: "trunk_height" });
+  [...inputs, { input: trunk }].forEach(({ input }) => (input.readOnly = !treats));
   const pictured = (name, content) => h("div", { class: "measure" }, handDrawing(name), content);
   const more = h(
     "details",
@@ -26,19 +27,28 @@ export function mount(root, api, { record, treats }) {
     fingers.map((made) => made.element),
   );
   const rows = whole.map((made, k) => pictured(WHOLE[k], made.element));
-  const form = h("form", { novalidate: true }, rows, more, h("button", { type: "submit", class: "clinicians" }, t("measures.save")), said);
+  const sitting = h(
+    "fieldset",
+    {},
+    h("legend", {}, t("measure.trunk_height")),
+    h("p", { class: "hint" }, t("measure.trunk_height.how")),
+    h("div", { class: "pair" }, field(t("measure.trunk_height.field"), trunk)),
+  );
+  const form = h("form", { novalidate: true }, rows, more, sitting, h("button", { type: "submit", class: "clinicians" }, t("measures.save")), said);
   let seen = record.now;
   const shown = ({ path }) => millimetres(valueOf(seen.hand_measures, path));
   const fill = (patient) => {
     seen = patient;
     inputs.forEach((one) => (one.input.value = shown(one)));
+    trunk.value = millimetres(seen.trunk_height);
   };
 
   onSubmit(form, box, async () => {
     said.textContent = "";
     const measures = structuredClone(seen.hand_measures ?? {});
     for (const { input, path, label } of inputs) put(measures, path, metres(input.value, label));
-    if (!(await sendChange(record, { hand_measures: measures }, box, fill, seen))) return;
+    const trunk_height = metres(trunk.value, t("measure.trunk_height"));
+    if (!(await sendChange(record, { hand_measures: measures, trunk_height }, box, fill, seen))) return;
     fill(record.now);
     said.textContent = t("measures.saved");
   });
@@ -46,7 +56,8 @@ export function mount(root, api, { record, treats }) {
   root.append(
     h("details", {}, h("summary", {}, h("h2", {}, t("measures.title"))), h("p", { class: "soft" }, t("measures.lead")), form, box.element),
   );
-  return record.watch((now) => inputs.some((one) => one.input.value !== shown(one)) || fill(now));
+  const typed = () => trunk.value !== millimetres(seen.trunk_height) || inputs.some((one) => one.input.value !== shown(one));
+  return record.watch((now) => typed() || fill(now));
 }
 
 const how = (name) => h("p", { class: "hint" }, t(`measure.${name}.how`));

@@ -20,13 +20,15 @@ def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(page: P
     palm.fill("ten")
     page.get_by_text("Lengths of the fingers").click()
     page.get_by_role("group", name="Index (mm)").get_by_label("Right hand").fill("92")
+    page.get_by_role("group", name="Trunk sensor above the hips (mm)").get_by_label("Height").fill("415")
     page.get_by_role("button", name="Save measures").click()
     expect(page.get_by_text("Palm length (mm), left is “ten”")).to_be_visible()
     palm.fill("")
     page.get_by_role("button", name="Save measures").click()
     expect(page.get_by_text("Saved.")).to_be_visible()
-    measures = api(page, f"/api/patients/{patient}")["hand_measures"]
-    assert measures == {"left": {"hand_length": 0.1815}, "right": {"finger_length": {"index": 0.092}}}
+    stored = api(page, f"/api/patients/{patient}")
+    assert stored["hand_measures"] == {"left": {"hand_length": 0.1815}, "right": {"finger_length": {"index": 0.092}}}
+    assert stored["trunk_height"] == 0.415
     keep_picture(page, "patient-measures")
     length.fill("1815")
     page.get_by_role("button", name="Save measures").click()

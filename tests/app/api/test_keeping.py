@@ -101,7 +101,9 @@ def test_an_erased_patient_is_gone_with_files_and_replays(client: TestClient, pa
 
 
 def test_a_session_that_runs_is_unfinished_and_keeps_its_patient(client: TestClient, patient: int, settings: Settings) -> None:
+    client.patch(f"/api/patients/{patient}", json={"version": 1, "trunk_height": 0.42})
     begun = client.post(f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}).json()
+    assert client.get(f"/api/sessions/{begun['session']}").json()["trunk_height"] == 0.42
     (unfinished,) = client.get("/api/sessions/unfinished").json()
     assert (unfinished["id"], unfinished["station"], unfinished["patient"]["id"]) == (begun["session"], begun["station"], patient)
     refused = client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": unfinished["patient"]["pseudonym"]})

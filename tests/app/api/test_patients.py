@@ -81,8 +81,10 @@ def test_a_pseudonym_is_given_once(client: TestClient) -> None:
     assert "already a patient 'twice'" in again.json()["error"]
 
 
-def test_hand_measures_in_millimetres_are_refused(client: TestClient, patient: int) -> None:
+def test_hand_measures_and_a_trunk_height_in_millimetres_are_refused(client: TestClient, patient: int) -> None:
     version = client.get(f"/api/patients/{patient}").json()["version"]
+    high = client.patch(f"/api/patients/{patient}", json={"version": version, "trunk_height": 420})
+    assert (high.status_code, "0.1 to 0.7 m" in high.json()["error"]) == (422, True)
     answer = client.patch(f"/api/patients/{patient}", json={"version": version, "hand_measures": {"left": {"hand_length": 181}}})
     assert answer.status_code == 422
     assert "give lengths in metres" in answer.json()["error"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from app.live import wizard
+from app.live import kept_trials, wizard
 from app.live.station import Station
 from app.live.stations import Stations
 from app.live.wizard import Act, State
@@ -19,7 +19,7 @@ from estimators.samples import Event
 from sessions.wire.messages import Cue
 from tests.app.devices.virtual import wait_for
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
-from tests.app.live.test_wizard import READY
+from tests.app.live.test_wizard import PROTOCOLS, READY
 
 
 def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:  # noqa: F811
@@ -85,6 +85,12 @@ def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_i
     passive, block = (e.details for e in events)
     assert passive == {"task_name": "prom_fist", "outcome": "accepted", "mode": "passive"}
     assert (block["distances_mm"], len(block["contacts"].split())) == ("53 46 25", 3)
+
+
+def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() -> None:
+    order, worn = wizard.Order("keep_attempt", "a task", 1.0, 9.0, "accepted"), {"trunk_height": 0.42}
+    told = {p.name for p in PROTOCOLS if next(kept_trials.events(order, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42}
+    assert told == {"reach"}
 
 
 def test_the_clinicians_score_stands_in_the_event_of_the_trial(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

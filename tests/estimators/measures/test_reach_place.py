@@ -78,7 +78,9 @@ def test_a_trunk_that_leans_about_the_hips_carries_its_sensor_forward() -> None:
     f = _leaning()
     assert f.value == pytest.approx(0.40 * 0.5, rel=0.01)
     assert f.sd == pytest.approx(np.sqrt((0.5 * 0.05) ** 2 + (0.40 * 0.866 * 0.01) ** 2 + (0.40 * 0.134 * 0.1745) ** 2), rel=0.02)
+    assert f.reason == "the height of the trunk's sensor above the hips was not measured: 400 mm were taken"
     measured = _leaning(trunk_height="0.5")
+    assert measured.reason == "reckoned with the trunk's sensor 500 mm above the hips, as measured"
     assert measured.value == pytest.approx(0.25, rel=0.01)
     assert measured.sd == pytest.approx(np.sqrt((0.5 * 0.02) ** 2 + (0.5 * 0.866 * 0.01) ** 2 + (0.5 * 0.134 * 0.1745) ** 2), rel=0.02)
 
