@@ -181,10 +181,8 @@ def test_a_pose_leaves_joints_to_what_is_missed_and_seats_alike_but_about_the_ve
 
 def test_a_pose_leaves_each_freedom_of_a_thumb_held_aside_to_what_is_missed() -> None:
     """Its axes are not at right angles there."""
-    params, angles = (
-        FilterParams(misalignment=1e-3, angle_sd=1e-6, pose_sd=1.45),
-        np.array([[[30.0, -45.0, 60.0], [0, 0, 0], [0, 0, 0]]]) * DEG,
-    )
+    params = FilterParams(misalignment=1e-3, angle_sd=1e-6, pose_sd=1.45)
+    angles = np.array([[[30.0, -45.0, 60.0], [0, 0, 0], [0, 0, 0]]]) * DEG
     q_pc = joint_angles.compose(angles)
     up = quat.rotate(quat.conjugate(_chained(q_pc)), np.array([1.0, 0.0, 0.0]))
     P = ekf_seats.after_pose(params, q_pc, up, ekf_updates.IS_FREE[:1], _seats(params))[0]
