@@ -19,7 +19,6 @@ from estimators.errors import InputError
 
 router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])
 WATCHERS = may(CLINICIAN, SCIENTIST)  # of replays, scientists too
-LOOK = 1.0  # s between two looks at whether a viewer is there, while nothing is new
 NO_SUCH, GONE = 4404, 1001  # web socket close codes
 
 
@@ -97,12 +96,8 @@ async def _tell(websocket: WebSocket, station: AnyStation, language: Language, r
     bulletin = parts(websocket).bulletins.of(station, language)
     number, newest = None, -1e9
     with bulletin.news(station) as news:
-        while not reader.done():
-            try:
-                async with asyncio.timeout(LOOK):
-                    await news.wait()
-            except TimeoutError:
-                continue
+        reader.add_done_callback(lambda _: news.set())
+        while await news.wait() and not reader.done():
             news.clear()
             pulse, newest = bulletin.beat(station, newest)
             before, (number, full) = number, bulletin.snapshot(station, language)
