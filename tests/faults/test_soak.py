@@ -40,6 +40,12 @@ def memory(pid: int | str = "self") -> float:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE / 2**20
 
 
+def descendants(pid: int) -> list[int]:
+    """A process and all that it started, those that record and draw among them, oldest first."""
+    children = [int(p) for t in Path(f"/proc/{pid}/task").iterdir() for p in (t / "children").read_text().split()]
+    return [pid, *sorted(p for child in children for p in descendants(child))]
+
+
 def sent(samples: Mapping[str, Block], rounds: int) -> Iterator[tuple[float, Message]]:
     """The samples over and over in bursts of 20 ms, each message with its time."""
     infos = {name: info(name, b.stream.rate) for name, b in samples.items()}
@@ -86,16 +92,18 @@ def test_a_real_server_stays_as_it_was() -> None:
         with glove(port, "--rate", "200", "--task", "tapping"), server(Path(folder) / "data") as (address, pid):
             client = Client(address)
             station = begin_tasks(client, port)
-            began, told = time.monotonic(), list[tuple[float, float, float]]()
+            began, told, family = time.monotonic(), list[list[float]](), descendants(pid)
             while time.monotonic() - began < SOAK:
                 ages = asyncio.run(live.watch(client, [station], live.VIEWERS, live.SECONDS))
-                told.append((time.monotonic() - began, memory(pid), float(np.percentile(ages, 99))))
-                print("%7.0f s  %6.1f MB  p99 %5.1f ms" % told[-1], flush=True)  # noqa: T201, UP031
+                assert descendants(pid) == family, "a process of the server's ended or began"
+                told.append([time.monotonic() - began, float(np.percentile(ages, 99)), *map(memory, family)])
+                print("%7.0f s  p99 %5.1f ms " % tuple(told[-1][:2]), *(f"{m:6.1f} MB" for m in told[-1][2:]), flush=True)  # noqa: T201, UP031
                 time.sleep(min(48.0, SOAK / 20))
             strips = client.call("GET", f"/api/stations/{station}")["glove"]["strips"]
             client.call("DELETE", f"/api/stations/{station}")
-    t, used, p99 = np.array(told).T
+    t, p99, *used = np.array(told).T
     assert sum(s["lost"] for s in strips) == 0
     late, early = t > 0.8 * SOAK, (t > 0.2 * SOAK) & (t < 0.4 * SOAK)  # ten minutes of poses are kept on purpose
-    assert used[late].mean() < 1.05 * used[early].mean(), used.round(1).tolist()
+    for one in used:
+        assert one[late].mean() < 1.05 * one[early].mean(), one.round(1).tolist()
     assert np.median(p99[late]) < 1.5 * np.median(p99[early]), p99.round(1).tolist()
