@@ -1,16 +1,14 @@
 """The experiment map-live beside ekf: how far behind the newest sample the hand is given out, how right it is, what it costs."""
 
 import time
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from app.benchmarks import Metric
+from app.benchmarks.steps import one_by_one
 from app.reproduce.experiments import Trial, at_the_truths_instants, performed
 from estimators.methods import ALL_METHODS
-from estimators.processing import calibrate, process
-from estimators.samples import Block
+from estimators.processing import process
 from estimators.simulation.scenario import Simulated
 from estimators.trajectory import Trajectory
 
@@ -24,14 +22,15 @@ def measure() -> list[Metric]:
     made, found = performed(MOVEMENT), []
     for name in BESIDE:
         method, params = ALL_METHODS[name], ALL_METHODS[name].Params()
-        late, took = steps(method, params, made)
+        steps = list(one_by_one(method, params, made, next(made.blocks()), STEPS))
+        late = [1e3 * (step.t - t) for step in steps for t in step.given.t]
         began = time.process_time()
         moved = process(method, params, made).trajectory
         spent = time.process_time() - began
         angles, tips, honest = errors(made, moved)
         found += [
             Metric(f"{name}, behind the newest sample, mean", float(np.mean(late)), "ms", None, "lower"),
-            Metric(f"{name}, step of one sample, p99", float(np.percentile(took, 99)), "ms", None, "lower"),
+            Metric(f"{name}, step of one sample, p99", float(np.percentile([step.took for step in steps], 99)), "ms", None, "lower"),
             Metric(f"{name}, processor's time for a second", spent / float(made.truth.t[-1]), "s", None, "lower"),
             Metric(f"{name}, angles, RMS error", angles, "deg", None, "lower"),
             Metric(f"{name}, tips, RMS error", tips, "mm", None, "lower"),
@@ -49,16 +48,3 @@ def errors(made: Simulated, moved: Trajectory) -> tuple[float, float, float]:
         sd = moved.angles_sd[np.searchsorted(moved.t, estimate.t - 1e-6)][:, 1:]
         honest = float(np.nanmean((angles / sd) ** 2))
     return float(np.degrees(np.sqrt(np.nanmean(angles**2)))), 1e3 * float(np.sqrt(np.nanmean((tips**2).sum(axis=-1)))), honest
-
-
-def steps(method: ModuleType, params: Any, made: Simulated) -> tuple[list[float], list[float]]:
-    """Sample by sample behind the pose: how old what is given out is, how long each step takes, ms."""
-    calibration = calibrate(params, made)[0][0]
-    samples = next(made.blocks()).between(calibration.t, np.inf)
-    state, late, took = method.start(params, calibration, made.streams), [], []
-    for sample in Block(samples.stream, samples.t[:STEPS], samples.values[:STEPS]).parts(1):
-        began = time.perf_counter()
-        state, given = method.step(params, state, sample)
-        took.append(1e3 * (time.perf_counter() - began))
-        late += [1e3 * float(sample.t[0] - t) for t in given.t]
-    return late, took
