@@ -9,12 +9,12 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
 from app.api.access import new_token
 from app.working_process import heed_the_server_alone
+from tests import fork_server
 from tests.faults import disturbing
 
 WAIT = 180.0  # s until a test gives up
@@ -111,7 +111,7 @@ def _serve(data: Path, words: tuple[str, ...]) -> None:
     from app.cli import main
 
     heed_the_server_alone()
-    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]  # what it was forked from serves its own processes, too
+    fork_server.share()
     disturbing.install(data.parent)
     log = os.open(data.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pytest
 
 from app.cli import main
 from app.working_process import CONTEXT, heed_the_terminal
+from tests import fork_server
 
 WAIT = 30.0  # s until a test gives up
 
@@ -59,7 +59,7 @@ def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
 def _demo(out: Connection, errors: Connection, folder: Path) -> None:
     """In a process that has imported everything."""
     heed_the_terminal()
-    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]  # what it was forked from serves its own processes, too
+    fork_server.share()
     for stream, pipe in ((1, out), (2, errors)):
         os.dup2(pipe.fileno(), stream)
         pipe.close()
