@@ -25,7 +25,7 @@ class Metric:
 
 BENCHES = {
     "batch": "every method over recordings of 16 sensors at 100 Hz, ekf also at 200 Hz: times real time, memory",
-    "cohort": "60 one-minute recordings by m2 on one process and on two: parallel efficiency",
+    "cohort": "200 one-minute recordings by m2 on one process and on two: parallel efficiency",
     "live": "17 sensors at 200 Hz, one station, four viewers: latency from sample to web socket, CPU of the server",
     "load": "stations x viewers until the 99th percentile of latency is beyond 80 ms; how much of the machine and of the server's process is used",
     "map_live": "the experiment map-live beside ekf on free movement of a whole hand: lag, time of a step, errors of angles and tips",

@@ -1,4 +1,7 @@
-"""A cohort of one-minute recordings processed by `m2` on one process and on two: what share of the second is used. Starting them counts."""
+"""A cohort of one-minute recordings processed by `m2` on one process and on two: what share of the second is used. Starting them counts.
+
+The recordings are copies of one that is simulated, each with a name and a result of its own: every one is read, processed and written.
+"""
 
 import tempfile
 import time
@@ -14,7 +17,7 @@ from estimators.simulation.sensors import SensorErrors
 from sessions.motion_bids import writer
 from sessions.recording import LoadedRecording
 
-RECORDINGS = 60
+RECORDINGS = 200
 MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")
 
 
