@@ -7,7 +7,8 @@ some seconds of simulated movement. The code is kept; two processes that transla
 import numpy as np
 
 from estimators import magnet_setup, magnet_tracking, methods, zero_velocity
-from estimators.magnet_tracking import MagnetParams, Readings, Setup
+from estimators.magnet_options import MagnetParams
+from estimators.magnet_tracking import Readings, Setup
 from estimators.processing import process
 from estimators.simulation import artificial_finger, magnet
 from estimators.simulation.magnetic_field import EARTH, homogeneous

@@ -16,17 +16,19 @@ from estimators import magnet_setup, magnet_streams, magnet_tracking
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.gravity import GRAVITY
+from estimators.magnet_options import MagnetParams
 from estimators.magnet_plate import Plate
 from estimators.magnet_streams import HAND, Waiting
-from estimators.magnet_tracking import MagnetParams, Setup, Track
+from estimators.magnet_tracking import Setup, Track
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
 from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 
 WORTH_SAYING = 0.001  # share of flagged samples
+LATE, SURE_OF_IT = 0.01, 4.0  # s of lateness, and standard deviations of it, from which on it is said
 NEAR = 0.1  # s to the nearest sample of the track
-ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal")
+ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "lateness", "lateness_sd")
 UNHEARD = "the hand's place is not told"
 
 
@@ -65,6 +67,8 @@ class Places:
     q_trunk: Array  # (n, 4)
     q_trunk_sd: Array  # (n, 3) rad
     signal: Array  # (n,) dB; NaN where no magnetometer was read
+    lateness: Array  # (n,) s of the magnetometers' readings against the inertial ones
+    lateness_sd: Array  # (n,) s
 
     def __len__(self) -> int:
         return len(self.t)
@@ -168,12 +172,27 @@ def brought(moved: Trajectory, places: Places) -> Trajectory:
 
 
 def said(places: Places) -> list[str]:
-    """One sentence for each kind of doubt."""
+    """One sentence for each kind of doubt, and for magnetometers that are late."""
     shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
-    return [
+    return _late(places) + [
         f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
         for flag, words in PLACE_WORDS.items()
         if shares[flag] >= WORTH_SAYING
+    ]
+
+
+def _late(places: Places) -> list[str]:
+    """What the whole recording tells of the magnetometers' lateness, where it is worth saying."""
+    late, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
+    if not abs(late) > max(LATE, SURE_OF_IT * sd):
+        return []
+    by, known = f"{1e3 * abs(late):.0f}", f"{1e3 * sd:.1f}"
+    if late > 0:
+        return [
+            f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
+        ]
+    return [
+        f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
     ]
 
 
@@ -214,6 +233,8 @@ def _told(s: Setting, track: Track) -> Places:
         quat.multiply(track.q_gb, quat.conjugate(s.q_BS)) if n else track.q_gb,
         track.q_gb_sd,
         np.where(np.isfinite(loudest), loudest, np.nan),
+        track.lateness,
+        track.lateness_sd,
     )
 
 

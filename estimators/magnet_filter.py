@@ -1,8 +1,8 @@
 """The arithmetic of magnet_tracking.py for one sample after the other, compiled: state and errors, time update, one scalar measurement.
 
-State   x (35 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, then what was told before and is not exact: the magnet's
-        moment and place on the target, what each calibration left (b, T), the magnetometers' places; P (33 + 6 L, 33 + 6 L) of the error
-        [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dm, dp_tm, dc_1.., dp_b1..], R = R^ (1 + [dth]x)
+State   x (36 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, then what was told before and is not exact: the magnet's
+        moment and place on the target, what each calibration left (b, T), the magnetometers' places, how late their readings are (s); P (34 + 6 L,
+        34 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dm, dp_tm, dc_1.., dp_b1.., dtau], R = R^ (1 + [dth]x)
 Source  Kortier, thesis ch. 5, (5.2)-(5.22); what magnetometers tell: magnet_reading.py
 Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
         trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss).
@@ -212,7 +212,7 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, turned: float, rough: float
     spread(F, P, carried)
     product(F, P[:OWN, OWN:], across)
     kept = math.exp(-turned / s.left_alike)
-    first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT) // 2  # of the calibrations: they change as the trunk turns
+    first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT - 1) // 2  # of the calibrations: they change as the trunk turns
     for j in range(len(P) - OWN):
         share = kept if first <= j < last else 1.0
         for i in range(OWN):

@@ -39,7 +39,8 @@ from estimators.magnet_filter import (
     transposed,
     widened,
 )
-from estimators.magnet_reading import EVIDENCE, magnetic, magnetometers, searched, seen
+from estimators.magnet_lateness import settled, went_on
+from estimators.magnet_reading import EVIDENCE, magnetic, magnetometers, read, searched
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 
@@ -71,12 +72,12 @@ def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
 
 
 @inlined
-def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
+def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
     """Normalised innovation squared of the magnetometers' axes, a degree of freedom; negative where none answered."""
     rows, count = 3 * len(mag), 0
     H, h, missed, noise = np.zeros((rows, len(P))), np.zeros((3, len(P))), np.zeros(rows), np.zeros((rows, rows))
     for k in range(len(mag)):
-        reads = seen(x, k, h)
+        reads = read(x, way, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
         count += 3 * there
         for i in range(3):
@@ -88,21 +89,21 @@ def surprise(s: Sizes, x: Array, P: Array, mag: Array) -> float:
 
 
 @inlined
-def heard(s: Sizes, x: Array, P: Array, mag: Array, centre: Array, grown: float, dt: float) -> Array:
+def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
     start, lost = np.zeros(len(P)), P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
-        here, _, cost = magnetic(s, x, P, start, mag, 1.0, lost)
-        there, _, less = magnetic(s, x, P, searched(s, x, P, mag, centre), mag, 1.0, lost)
+        here, _, cost = magnetic(s, x, P, way, start, mag, 1.0, lost)
+        there, _, less = magnetic(s, x, P, way, searched(s, x, P, mag, centre), mag, 1.0, lost)
         start = here
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
             start, grown = np.zeros(len(P)), 1.0
-    dx, C, cost = magnetic(s, x, P, start, mag, grown, lost)
+    dx, C, cost = magnetic(s, x, P, way, start, mag, grown, lost)
     out: Array = moved(x, dx)
     if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
-        out = without(s, x, P, mag, dt)
+        out = without(s, x, P, way, mag, dt)
     else:
         put(C, P)
     return out
@@ -136,7 +137,7 @@ def strength(x: Array, away: float) -> float:
 
 
 @inlined
-def without(s: Sizes, x: Array, P: Array, mag: Array, dt: float) -> Array:
+def without(s: Sizes, x: Array, P: Array, way: Array, mag: Array, dt: float) -> Array:
     """The update of a trunk whose magnet is out of reach, in place: the room's field alone, the magnet's an error that lasts `LASTS`: as white noise it
     would soon be learnt as the room's field. Gives the state; nothing where that does not fit either."""
     H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
@@ -146,7 +147,7 @@ def without(s: Sizes, x: Array, P: Array, mag: Array, dt: float) -> Array:
     single = s.mag**2 + s.mag_left**2
     own = 4 * min(strength(x, distance(x)) ** 2, LOUD**2 * single) * max(1.0, LASTS / dt)  # louder, it would have been found
     for k in range(len(mag)):
-        reads = seen(far, k, h)
+        reads = read(far, way, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
         for i in range(3):
             row = 3 * k + i
@@ -265,6 +266,7 @@ def followed(
     P: Array,
     mood: Array,
     before: Array,
+    way: Array,
     dts: Array,
     samples: Array,
     mags: Array,
@@ -274,10 +276,10 @@ def followed(
     moods: Array,
 ) -> Array:
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, ...), variances (n, ...),
-    surprise (n,). P, mood and `before` (the last good readings) in place; gives the state."""
+    surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
     F, now = np.zeros((OWN, OWN)), np.zeros(12)
     for n in range(len(samples)):
-        dt, rough = dts[n], 1.0
+        dt, rough, gained = dts[n], 1.0, np.zeros(3)
         for i in range(12):
             now[i] = samples[n, i]
             if math.isnan(now[i]):
@@ -287,21 +289,25 @@ def followed(
             for i in range(3):
                 P[THG + i, THG + i] += TURN_LOST**2
         elif dt > 0:
+            old = x
             x = stepped(s, x, before, now, dt, F)
+            gained = x[3:6] - old[3:6]
             turned = math.sqrt((now[0] - x[XBG]) ** 2 + (now[1] - x[XBG + 1]) ** 2 + (now[2] - x[XBG + 2]) ** 2) * dt
             widened(s, P, F, dt, turned, rough)
+        went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
+        settled(way, x, gained, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        new = surprise(s, x, P, mags[n])
+        new = surprise(s, x, P, way, mags[n])
         if new >= 0:
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
             if new < GATE or wide:
-                x = heard(s, x, P, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since)
+                x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since)
             if wide:  # before it was found nothing could be expected
-                new = surprise(s, x, P, mags[n])
+                new = surprise(s, x, P, way, mags[n])
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:

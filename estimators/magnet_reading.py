@@ -35,6 +35,7 @@ from estimators.magnet_filter import (
     times,
     transposed,
 )
+from estimators.magnet_lateness import by_now, earlier
 from estimators.quaternions import Array
 from estimators.small_matrices import block
 
@@ -46,7 +47,7 @@ EVIDENCE = 12.0  # by which a place found by search must explain the readings be
 @inlined
 def magnetometers(x: Array) -> int:
     """How many a state has."""
-    return (len(x) - XM - 6) // 6
+    return (len(x) - XM - 7) // 6
 
 
 @inlined
@@ -91,7 +92,16 @@ def seen(x: Array, k: int, H: Array) -> Array:
 
 
 @inlined
-def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: float, lost: bool) -> tuple[Array, Array, float]:
+def read(x: Array, way: Array, k: int, H: Array) -> Array:
+    """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
+    then = earlier(x, way)
+    reads: Array = seen(then, k, H)
+    by_now(x, then, way, H)
+    return reads
+
+
+@inlined
+def magnetic(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, lost: bool) -> tuple[Array, Array, float]:
     """Iterated update from x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading).
 
     Of a place that is `lost` the slopes are those where the readings lead to. Otherwise they are those halfway: over that way they tell the change of a
@@ -102,13 +112,13 @@ def magnetic(s: Sizes, x: Array, P: Array, start: Array, mag: Array, grown: floa
     H, h, missed, noise, new = np.zeros((rows, len(dx))), np.zeros((3, len(dx))), np.zeros(rows), np.zeros((rows, rows)), np.empty(len(dx))
     expected = np.empty((len(mag), 3))
     for k in range(len(mag)):
-        reads = seen(x, k, h)
+        reads = read(x, way, k, h)
         for i in range(3):
             expected[k, i] = reads[i]
     for iteration in range(ITERATIONS):
         at = moved(x, dx if lost else 0.5 * dx)
         for k in range(len(mag)):
-            reads = seen(at, k, h)
+            reads = read(at, way, k, h)
             there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
             for i in range(3):
                 row = 3 * k + i

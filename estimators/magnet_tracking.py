@@ -3,7 +3,8 @@
 In      Readings: inertial samples of trunk (base b) and hand (target t), any number of calibrated magnetometers on the trunk; a Setup
 Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
 Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
-        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py, magnet_reading.py, magnet_loop.py
+        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py,
+        magnet_lateness.py, magnet_reading.py, magnet_loop.py
 Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
 Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
         array. A magnet that nobody told of is flagged, not tracked
@@ -18,86 +19,16 @@ from estimators import magnet_standstill
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.gravity import GRAVITY
-from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ, Sizes
+from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
+from estimators.magnet_lateness import WAY
 from estimators.magnet_localisation import located
 from estimators.magnet_loop import followed
+from estimators.magnet_options import DEG, MagnetParams, sizes
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
-from estimators.options import option
 from estimators.quaternions import Array
 from estimators.sensor_fusion import upright
 
-DEG = np.pi / 180
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
-HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
-
-
-@dataclass(frozen=True, kw_only=True)
-class MagnetParams:
-    gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
-    gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
-    gyr_scale: float = option(
-        0.3, "deg/s/sqrt(Hz)", "what scale errors of a moving gyroscope amount to", "ours: 0.5 % of 1 rad/s, alike for 0.5 s"
-    )
-    acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
-    acc_error: float = option(
-        0.06, "m/s^2", "what an accelerometer is off by for long", "ours: biases of 0.05 m/s^2 and scales after calibration"
-    )
-    mag_noise: float = option(0.2, "uT", "white noise of a magnetometer axis", HMC5883L, least=1e-3)
-    mag_error: float = option(0.2, "uT", "what the calibration of a magnetometer leaves", "ours: 0.4 % of the earth's field")
-    magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
-    place_error: float = option(0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours")
-    lever_error: float = option(0.001, "m", "error of the magnet's place on the hand", "Kortier thesis 5.2.4: a ruler; size ours")
-    alike: float = option(0.2, "s", "time over which what an accelerometer is off by stays alike while the hand moves", "ours", least=0.01)
-    left_alike: float = option(
-        3.0,
-        "rad",
-        "way that the trunk turns, there and back, over which what the calibration of a magnetometer leaves stays alike",
-        "ours: it is linear in the field as the magnetometer sees it and comes back with it, so it lasts longer than one turn",
-        least=0.01,
-    )
-    gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
-    gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1")
-    acc_bias_sd: float = option(0.1, "m/s^2", "bias of an accelerometer at the start", "as the hand filter's", least=1e-6)
-    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of an accelerometer's bias", "ours")
-    field_walk: float = option(0.1, "uT/sqrt(s)", "change of the environment's field", "ours: a homogeneous room", least=1e-6)
-    gate: float = option(0.05, "1", "share of g by which an accelerometer that tells the vertical may be off", "Kortier thesis 5.2.2")
-    acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
-    acc_moving: float = option(0.6, "m/s^2", "error of gravity within the gate while it moves", "5 % of g", least=1e-3)
-    acc_common: float = option(0.3, "m/s^2", "difference up to which trunk and hand are accelerated in common", "ours, for (5.17)")
-    still_samples: int = option(9, "samples", "stretch that is looked at for a standstill", "Skog et al. 2010: 5 to 30", least=2, most=100)
-    still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
-    still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
-    still_speed: float = option(0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6)
-    still_alike: float = option(
-        1.0,
-        "s",
-        "time over which the turning and travelling of what passes for standing still stay alike",
-        "ours: a quarter of a breath (12 to 20 a minute); a slow lean or reach lasts as long",
-        least=0.01,
-    )
-    reach: float = option(0.6, "m", "half the edge of the volume in which the hand can be", "ours: an arm's length", least=0.1, most=2.0)
-    reach_speed: float = option(0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05)
-    inclination_sd: float = option(3.0, "deg", "inclination at the start", "ours", least=0.1)
-    heading_sd: float = option(20.0, "deg", "heading of trunk and hand at the start", "ours", least=0.1)
-    mag_range: float = option(810.0, "uT", "full scale of a magnetometer: a reading at it is left out", "HMC5883L data sheet", least=1.0)
-    gyr_range: float = option(2000.0, "deg/s", "full scale of a gyroscope", "LSM330DLC data sheet", least=1.0)
-    acc_range: float = option(8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0)
-    doubt: float = option(
-        1.5,
-        "1",
-        "mean normalised innovation squared from which readings contradict what is known",
-        "1 where all is as told; over half a second at 60 Hz four magnetometers stay below 1.3 (chi-squared, five standard deviations)",
-        least=0.1,
-    )
-    strain: float = option(
-        4.0,
-        "1",
-        "standard deviations by which readings move the moment, a place or a calibration away from what was told, beyond which it was told wrong or the "
-        "room's field is not the same everywhere",
-        "ours: normal errors of four magnetometers stay below it 499 times of 500",
-        least=1.0,
-    )
-    max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
 
 
 @dataclass(frozen=True)
@@ -127,10 +58,11 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: Array | None  # (35 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
-    covariance: Array  # (33 + 6 magnetometers,) squared
+    x: Array | None  # (36 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    covariance: Array  # (34 + 6 magnetometers,) squared
     mood: Array  # (3,)
     newest: Array  # (12,) last good inertial readings
+    way: Array  # (21,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
     t: float = -np.inf
 
@@ -148,6 +80,8 @@ class Track:
     q_bt_sd: Array  # (n, 3) rad, about the axes of t
     q_gb_sd: Array  # (n, 3) rad, about the axes of b
     snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
+    lateness: Array  # (n,) s by which the magnetometers' readings are stamped later than the inertial ones; accounted for
+    lateness_sd: Array  # (n,) s
     surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
     saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
     still: NDArray[np.bool_]  # (n, 2) base, target
@@ -165,7 +99,15 @@ def start(setup: Setup) -> State:
         raise InputError(
             f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
         )
-    return State(setup, None, np.empty((0, 0)), np.array([1.0, 0.0, 0.0]), np.full(12, np.nan), np.empty((0, 12 + setup.array.places.size)))
+    return State(
+        setup,
+        None,
+        np.empty((0, 0)),
+        np.array([1.0, 0.0, 0.0]),
+        np.full(12, np.nan),
+        np.zeros(WAY),
+        np.empty((0, 12 + setup.array.places.size)),
+    )
 
 
 def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
@@ -193,18 +135,19 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
     window, still = magnet_standstill.stood(
         state.recent, samples[first:], mag[first:], params.still_samples, params.still_gyr * DEG, params.still_acc, 1e-6 * params.mag_noise
     )
-    x, P, mood, newest = x.copy(), P.copy(), state.mood.copy(), state.newest.copy()
+    x, P, mood, newest, way = x.copy(), P.copy(), state.mood.copy(), state.newest.copy(), state.way.copy()
     rows = n - first
     states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
     dts = np.diff(readings.t[first:], prepend=state.t)
     setup = state.setup
     x = followed(
-        _sizes(params),
+        sizes(params),
         _centre(setup),
         x,
         P,
         mood,
         newest,
+        way,
         dts,
         np.ascontiguousarray(samples[first:]),
         np.ascontiguousarray(mag_b[first:]),
@@ -215,7 +158,7 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
     )
     t = float(readings.t[-1]) if n else state.t
     track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
-    return replace(state, x=x, covariance=P, mood=mood, newest=newest, recent=window, t=t), track
+    return replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t), track
 
 
 def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
@@ -236,7 +179,7 @@ def learned(state: State) -> Setup:
     if state.x is None:
         return state.setup
     x, many = state.x[XM:], state.setup.array.places.size
-    array = Constellation(x[6 + many :].reshape(-1, 3).copy(), state.setup.array.q_bl)
+    array = Constellation(x[6 + many : -1].reshape(-1, 3).copy(), state.setup.array.q_bl)
     return replace(state.setup, array=array, magnet=Magnet(x[0:3].copy(), x[3:6].copy()))
 
 
@@ -290,14 +233,15 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
 
 def _as_told(setup: Setup) -> Array:
     """The state's rows from XM on before anything is read: moment, its place, what calibrations left, the magnetometers' places."""
-    return np.concatenate([setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel()])
+    return np.concatenate([setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel(), [0.0]])
 
 
 def _sure(params: MagnetParams, setup: Setup) -> Array:
     """Their standard deviations, as told."""
     many = setup.array.places.size
     return np.repeat(
-        [params.magnet_error * setup.magnet.size, params.lever_error, 1e-6 * params.mag_error, params.place_error], [3, 3, many, many]
+        [params.magnet_error * setup.magnet.size, params.lever_error, 1e-6 * params.mag_error, params.place_error, params.lateness_sd],
+        [3, 3, many, many, 1],
     )
 
 
@@ -309,34 +253,6 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
         mag[None], setup.array, None, setup.magnet.size, 1e-6 * np.hypot(params.mag_noise, params.mag_error), params.reach, 0.03
     )
     return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
-
-
-def _sizes(p: MagnetParams) -> Sizes:
-    return Sizes(
-        gyr=float(np.hypot(p.gyr_noise, p.gyr_scale)) * DEG,
-        acc=p.acc_noise,
-        acc_slow=p.acc_error * np.sqrt(2 * p.alike),
-        mag=1e-6 * p.mag_noise,
-        mag_left=1e-6 * p.mag_error,
-        left_alike=p.left_alike,
-        alike=p.alike,
-        gyr_walk=p.gyr_bias_walk,
-        acc_walk=p.acc_bias_walk,
-        field_walk=1e-6 * p.field_walk,
-        gravity=GRAVITY,
-        gate=p.gate,
-        acc_still=p.acc_still,
-        acc_moving=p.acc_moving,
-        acc_common=p.acc_common,
-        still_speed=p.still_speed,
-        still_rate=0.25 * p.still_gyr * DEG,
-        still_alike=p.still_alike,
-        reach=p.reach,
-        reach_speed=p.reach_speed,
-        max_gap=p.max_gap,
-        doubt=p.doubt,
-        mean_rates=float(p.gyr_reading == "mean"),
-    )
 
 
 def _told(
@@ -352,9 +268,8 @@ def _told(
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
-    strained = (np.abs(x[:, XM:] - _as_told(setup)) / _sure(params, setup)).max(
-        axis=1
-    )  # what must have been told wrong for the readings to fit
+    moved = np.abs(x[:, XM:] - _as_told(setup)) / _sure(params, setup)
+    strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
     sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
     strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
     rest = Track(
@@ -369,10 +284,12 @@ def _told(
         sd[:, TH : TH + 3],
         sd[:, THG : THG + 3],
         signal(mag[first:], setup.earth),
+        x[:, -1],
+        sd[:, -1],
         moods,
         saturated[first:],
         still,
-        (moods > params.doubt) | strange | (strained > params.strain) | (len(setup.array) < 2),
+        (moods > params.doubt) | strange | (moved.max(axis=1) > params.strain) | (len(setup.array) < 2),
     )
     if not first:
         return rest
@@ -386,4 +303,6 @@ def _before(state: State, readings: Readings, first: int, last: int, saturated: 
     v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
     silent = np.full((n, len(state.setup.array)), np.nan)
     never = np.zeros((n, 2), bool)
-    return Track(readings.t[first:last], v, v, q, q, v, v, v, v, v, silent, v[:, 0], saturated[first:last], never, np.ones(n, bool))
+    return Track(
+        readings.t[first:last], v, v, q, q, v, v, v, v, v, silent, v[:, 0], v[:, 0], v[:, 0], saturated[first:last], never, np.ones(n, bool)
+    )

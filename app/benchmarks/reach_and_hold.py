@@ -11,7 +11,8 @@ from app.benchmarks import Metric
 from estimators import magnet_setup, magnet_tracking
 from estimators.hand_geometry import sized
 from estimators.magnet_localisation import located
-from estimators.magnet_tracking import MagnetParams, Readings, Setup
+from estimators.magnet_options import MagnetParams
+from estimators.magnet_tracking import Readings, Setup
 from estimators.measures import lift
 from estimators.methods import m2
 from estimators.processing import process

@@ -10,7 +10,8 @@ from app.reproduce import Wanted, published
 from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
 from estimators import magnet_setup, magnet_tracking, magnetometer_sphere
 from estimators import quaternions as quat
-from estimators.magnet_tracking import MagnetParams, Readings, Setup, Track
+from estimators.magnet_options import MagnetParams
+from estimators.magnet_tracking import Readings, Setup, Track
 from estimators.quaternions import Array
 from estimators.simulation import magnet
 from estimators.simulation.magnet import Motion

@@ -12,7 +12,8 @@ import numpy as np
 from app.reproduce import kortier5
 from estimators import magnet_setup, magnet_tracking, magnetometer_sphere
 from estimators import quaternions as quat
-from estimators.magnet_tracking import MagnetParams, Readings, Setup
+from estimators.magnet_options import MagnetParams
+from estimators.magnet_tracking import Readings, Setup
 from estimators.simulation import magnet
 from estimators.simulation.magnetic_field import EARTH, MagneticField, office
 

@@ -76,6 +76,14 @@ def test_the_hand_is_told_in_the_trunks_axes_within_the_target(both: tuple[Motio
     assert np.nanmax(places.signal) > 0.5  # dB
 
 
+def test_late_magnetometers_are_said(both: tuple[Motion, Plate, list[Block]]) -> None:
+    _, plate, (trunk, hand, array) = both
+    for by, words in ((0.0, ""), (0.06, "later than"), (-0.06, "earlier than")):
+        blocks = [trunk, hand, Block(array.stream, array.t + by, array.values)]
+        assert words in " ".join(hand_place.said(hand_place.followed(_setting(plate, blocks), blocks))) or not by
+        assert by or not [s for s in hand_place.said(hand_place.followed(_setting(plate, blocks), blocks)) if "than their" in s]
+
+
 def test_a_reach_that_does_not_turn_the_hand_is_as_sure_as_it_says() -> None:
     """It slides smoothly out to 0.43 m and back while the trunk leans and breathes: both pass for standing still. It was 18 mm and 4.0."""
     found = []

@@ -1,0 +1,115 @@
+"""The state at the instant to which the magnetometers' readings belong, and what it tells of the errors of the newest one; compiled.
+
+Magnetometers and inertial sensors have clocks or filters of their own: readings stamped t may be of t - tau. tau, the lateness, is the state's last row; it is
+negative where the magnetometers are early. Between the two instants the body moves as its inertial sensors say: turning with rates that change
+evenly, the relative velocity with the relative acceleration.
+
+In      state x and errors as magnet_filter.py has them; the way (21,): rates of base and target, change of both rates, specific forces, as read;
+        the relative velocity
+Source  ours, by the rigid-body motion of magnet_filter.py (5.19)-(5.22); rates and their change: fading memory of degree one (Morrison 1969, Introduction
+        to Sequential Smoothing and Prediction, ch. 13). Unsmoothed, the noise of a rate counts as movement that readings would have to show: lateness
+        then comes out a third too small. So do the jumps of the filter's velocity: slopes by the lateness take one that is led by accelerations and
+        follows slowly, after Huang, Mourikis & Roumeliotis 2010 (Int J Robotics Research 29:502)
+Leaves  a change of the acceleration over tau (0.1 s at 10 m/s^3: 2 mm), and what the biases of a way as short as tau amount to
+"""
+
+import math
+
+import numpy as np
+
+from estimators.compiled import inlined
+from estimators.magnet_filter import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XTG, back, chained, matrix, skew, times, turned
+from estimators.quaternions import Array
+from estimators.small_matrices import block
+
+WAY = 21
+WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
+MEMORY = 0.05  # s of the rates
+SLOW = 2.0  # s, of the velocity
+
+
+@inlined
+def went_on(way: Array, now: Array, dt: float) -> None:
+    """The way dt later in place, with readings (12,): gyroscope and accelerometer of base, then of target; begun anew where dt is 0."""
+    fade = math.exp(-dt / MEMORY) if dt > 0 else 0.0
+    for i in range(3):
+        way[FB + i], way[FT + i] = now[3 + i], now[9 + i]
+        for rate, change, read in ((WB + i, AB + i, now[i]), (WT + i, AT + i, now[6 + i])):
+            missed = read - way[rate] - dt * way[change]
+            way[rate] = read - fade * fade * missed
+            way[change] = way[change] + (1 - fade) ** 2 * missed / dt if dt > 0 else 0.0
+
+
+@inlined
+def turns(x: Array, way: Array) -> tuple[Array, Array]:
+    """By what base and target turn over the lateness (3,), (3,), in their own axes."""
+    tau = x[-1]
+    base, target = np.empty(3), np.empty(3)
+    for i in range(3):
+        base[i] = tau * (way[WB + i] - x[XBG + i] - 0.5 * tau * way[AB + i])
+        target[i] = tau * (way[WT + i] - x[XTG + i] - 0.5 * tau * way[AT + i])
+    return base, target
+
+
+@inlined
+def settled(way: Array, x: Array, gained: Array, dt: float) -> None:
+    """The way's velocity in place: what accelerations made of it, and slowly what the filter's is; its own where dt is 0."""
+    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 else 1.0
+    for i in range(3):
+        way[VS + i] += gained[i]
+        way[VS + i] += toward * (x[3 + i] - way[VS + i])
+
+
+@inlined
+def accelerated(x: Array, way: Array) -> Array:
+    """The target's acceleration against g less the base's, in the base's axes (3,). (5.19)"""
+    out: Array = times(matrix(x[XQ : XQ + 4]), way[FT : FT + 3] - x[XTA : XTA + 3])
+    for i in range(3):
+        out[i] -= way[FB + i] - x[XBA + i]
+    return out
+
+
+@inlined
+def earlier(x: Array, way: Array) -> Array:
+    """The state tau before: place and both orientations; velocity and the rest stay."""
+    base, target = turns(x, way)
+    tau, out = x[-1], x.copy()
+    one = np.zeros(4)
+    one[0] = 1.0
+    pulled, p = accelerated(x, way), np.empty(3)
+    for i in range(3):
+        p[i] = x[i] - tau * x[3 + i] + 0.5 * tau * tau * pulled[i]
+    p = times(matrix(turned(one, base, False)), p)
+    q_bt, q_gb = turned(turned(x[XQ : XQ + 4], base, True), -target, False), turned(x[XGB : XGB + 4], -base, False)
+    for i in range(3):
+        out[i] = p[i]
+    for i in range(4):
+        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+    return out
+
+
+@inlined
+def by_now(x: Array, then: Array, way: Array, H: Array) -> None:
+    """Slopes H (3, errors) by the errors of the state `then`, in place made slopes by the errors of x, from which it was led back."""
+    base, target = turns(x, way)
+    tau, R, one = x[-1], matrix(x[XQ : XQ + 4]), np.zeros(4)
+    one[0] = 1.0
+    C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))  # axes of now to those of then
+    Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
+    w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), accelerated(x, way)
+    for i in range(3):
+        w[i], u[i] = way[WB + i] - x[XBG + i] - tau * way[AB + i], way[WT + i] - x[XTG + i] - tau * way[AT + i]
+        v[i] = way[VS + i] - tau * pulled[i]
+    v, about = times(C, v), back(matrix(then[XQ : XQ + 4]), w)
+    S = skew(w)
+    HpC = chained(Hp, C)
+    block(1.0, HpC, 0, P_, H)
+    block(-tau, HpC, 0, V_, H)
+    block(1.0, chained(Hg, C), 0, THG, H)
+    HtU, far = chained(Ht, U), chained(HpC, chained(R, skew(way[FT : FT + 3] - x[XTA : XTA + 3])))
+    for i in range(3):
+        H[i, H.shape[1] - 1] = 0.0
+        for j in range(3):
+            H[i, TH + j] = HtU[i, j] - 0.5 * tau * tau * far[i, j]
+            carried = S[j, 0] * then[0] + S[j, 1] * then[1] + S[j, 2] * then[2]
+            H[i, H.shape[1] - 1] += Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j]

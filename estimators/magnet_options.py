@@ -1,0 +1,120 @@
+"""What of the magnet's filter can be set: noises, limits, what is known at the start.
+
+Out     the same in SI for the compiled loop
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.gravity import GRAVITY
+from estimators.magnet_filter import Sizes
+from estimators.options import option
+
+DEG = np.pi / 180
+HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MagnetParams:
+    gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
+    gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
+    gyr_scale: float = option(
+        0.3, "deg/s/sqrt(Hz)", "what scale errors of a moving gyroscope amount to", "ours: 0.5 % of 1 rad/s, alike for 0.5 s"
+    )
+    acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
+    acc_error: float = option(
+        0.06, "m/s^2", "what an accelerometer is off by for long", "ours: biases of 0.05 m/s^2 and scales after calibration"
+    )
+    mag_noise: float = option(0.2, "uT", "white noise of a magnetometer axis", HMC5883L, least=1e-3)
+    mag_error: float = option(0.2, "uT", "what the calibration of a magnetometer leaves", "ours: 0.4 % of the earth's field")
+    magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
+    place_error: float = option(0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours")
+    lever_error: float = option(0.001, "m", "error of the magnet's place on the hand", "Kortier thesis 5.2.4: a ruler; size ours")
+    lateness_sd: float = option(
+        0.03,
+        "s",
+        "how late or early the magnetometers' readings may be stamped against the inertial ones; beyond four of it what is told is doubtful",
+        "ours: the filters and buffers of two chips; over 0.12 s a movement is no arc any more",
+        least=1e-6,
+    )
+    alike: float = option(0.2, "s", "time over which what an accelerometer is off by stays alike while the hand moves", "ours", least=0.01)
+    left_alike: float = option(
+        3.0,
+        "rad",
+        "way that the trunk turns, there and back, over which what the calibration of a magnetometer leaves stays alike",
+        "ours: it is linear in the field as the magnetometer sees it and comes back with it, so it lasts longer than one turn",
+        least=0.01,
+    )
+    gyr_bias_sd: float = option(0.5, "deg/s", "bias of a gyroscope at the start", "data sheets after calibration", least=1e-6)
+    gyr_bias_walk: float = option(1e-4, "rad/s/sqrt(s)", "random walk of a gyroscope's bias", "Kortier thesis, Table 2.1")
+    acc_bias_sd: float = option(0.1, "m/s^2", "bias of an accelerometer at the start", "as the hand filter's", least=1e-6)
+    acc_bias_walk: float = option(0.003, "m/s^2/sqrt(s)", "random walk of an accelerometer's bias", "ours")
+    field_walk: float = option(0.1, "uT/sqrt(s)", "change of the environment's field", "ours: a homogeneous room", least=1e-6)
+    gate: float = option(0.05, "1", "share of g by which an accelerometer that tells the vertical may be off", "Kortier thesis 5.2.2")
+    acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
+    acc_moving: float = option(0.6, "m/s^2", "error of gravity within the gate while it moves", "5 % of g", least=1e-3)
+    acc_common: float = option(0.3, "m/s^2", "difference up to which trunk and hand are accelerated in common", "ours, for (5.17)")
+    still_samples: int = option(9, "samples", "stretch that is looked at for a standstill", "Skog et al. 2010: 5 to 30", least=2, most=100)
+    still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
+    still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
+    still_speed: float = option(0.01, "m/s", "speed of what stands still", "as the hand filter's: tremor", least=1e-6)
+    still_alike: float = option(
+        1.0,
+        "s",
+        "time over which the turning and travelling of what passes for standing still stay alike",
+        "ours: a quarter of a breath (12 to 20 a minute); a slow lean or reach lasts as long",
+        least=0.01,
+    )
+    reach: float = option(0.6, "m", "half the edge of the volume in which the hand can be", "ours: an arm's length", least=0.1, most=2.0)
+    reach_speed: float = option(0.7, "m/s", "usual speed of a hand against the trunk", "ours", least=0.05)
+    inclination_sd: float = option(3.0, "deg", "inclination at the start", "ours", least=0.1)
+    heading_sd: float = option(20.0, "deg", "heading of trunk and hand at the start", "ours", least=0.1)
+    mag_range: float = option(810.0, "uT", "full scale of a magnetometer: a reading at it is left out", "HMC5883L data sheet", least=1.0)
+    gyr_range: float = option(2000.0, "deg/s", "full scale of a gyroscope", "LSM330DLC data sheet", least=1.0)
+    acc_range: float = option(8.0, "g", "full scale of an accelerometer", "LSM330DLC data sheet", least=1.0)
+    doubt: float = option(
+        1.5,
+        "1",
+        "mean normalised innovation squared from which readings contradict what is known",
+        "1 where all is as told; over half a second at 60 Hz four magnetometers stay below 1.3 (chi-squared, five standard deviations)",
+        least=0.1,
+    )
+    strain: float = option(
+        4.0,
+        "1",
+        "standard deviations by which readings move the moment, a place or a calibration away from what was told, beyond which it was told wrong or the "
+        "room's field is not the same everywhere",
+        "ours: normal errors of four magnetometers stay below it 499 times of 500",
+        least=1.0,
+    )
+    max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
+
+
+def sizes(p: MagnetParams) -> Sizes:
+    """As the loop needs them."""
+    return Sizes(
+        gyr=float(np.hypot(p.gyr_noise, p.gyr_scale)) * DEG,
+        acc=p.acc_noise,
+        acc_slow=p.acc_error * np.sqrt(2 * p.alike),
+        mag=1e-6 * p.mag_noise,
+        mag_left=1e-6 * p.mag_error,
+        left_alike=p.left_alike,
+        alike=p.alike,
+        gyr_walk=p.gyr_bias_walk,
+        acc_walk=p.acc_bias_walk,
+        field_walk=1e-6 * p.field_walk,
+        gravity=GRAVITY,
+        gate=p.gate,
+        acc_still=p.acc_still,
+        acc_moving=p.acc_moving,
+        acc_common=p.acc_common,
+        still_speed=p.still_speed,
+        still_rate=0.25 * p.still_gyr * DEG,
+        still_alike=p.still_alike,
+        reach=p.reach,
+        reach_speed=p.reach_speed,
+        max_gap=p.max_gap,
+        doubt=p.doubt,
+        mean_rates=float(p.gyr_reading == "mean"),
+    )
