@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from babel.numbers import get_decimal_symbol
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -41,6 +42,8 @@ def panel_chart(panel: Panel, language: Language) -> str:
         ax.set_xlim(float(x[0]), max(float(x[-1]), float(x[0]) + 1e-3))
         ax.locator_params(axis="x", nbins=5)
         ax.locator_params(axis="y", nbins=4)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "\u2212").replace(".", get_decimal_symbol(language.locale)))
         ax.set_xlabel(panel.x_unit, labelpad=1)
         named(ax, _legend(panel, language))
         return svg_of(figure)

@@ -31,6 +31,7 @@ def summary(content: Content, language: Language) -> list[str]:
         *([_reference(full, language), *_other(content, full, language)] if full else []),
         *_tapping(content, language),
         *_reach(content, language),
+        *_held(content, language),
         *([_changes(content.changes, language)] if content.changes else []),
         _signal(content, language),
     ]
@@ -157,6 +158,28 @@ def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
         key = "summary.reach.trunk" if np.isfinite(forward) else "summary.reach.lean"
         facts = {"forward": language.number(1e2 * forward)} if np.isfinite(forward) else {}
         said.append(language.say(key, lean=language.number(lean * DEG), **facts))
+    return said
+
+
+HELD = {  # by measure: of its sentence each gap's figure, what it is multiplied by, and its decimals; the first says whether there is anything to tell
+    "lift": {"count": ("lift_count", 1.0, 0), "grip": ("lift_grip_hold", 1.0, 1), "load": ("lift_load_hold", 1.0, 1), "time": ("lift_time_to_lift", 1.0, 1)},
+    "squeeze": {"count": ("squeeze_count", 1.0, 0), "force": ("squeeze_force", 1.0, 1), "depth": ("squeeze_depth", 1e3, 0)},
+}  # fmt: skip
+
+
+def _held(content: Content, language: Language) -> list[str]:
+    """Means over the trials of each task of lifting or squeezing, or why there are none."""
+    said = []
+    for measure, gaps in HELD.items():
+        for title in dict.fromkeys(t.title for t in content.tasks if t.result.measure == measure):
+            trials = [t for t in content.tasks if t.title == title and t.result.measure == measure]
+            values = {gap: (factor * _mean(trials, name), decimals) for gap, (name, factor, decimals) in gaps.items()}
+            facts = {gap: language.number(value, decimals) for gap, (value, decimals) in values.items() if np.isfinite(value)}
+            reasons = [f.reason for t in trials for f in t.result.figures if f.reason]
+            if len(facts) == len(gaps):
+                said.append(language.say(f"summary.{measure}", task=language.heard(title), **facts))
+            elif reasons:
+                said.append(language.say("summary.held.none", task=language.heard(title), reason=language.heard(reasons[0])))
     return said
 
 

@@ -109,6 +109,23 @@ def test_without_a_magnet_a_reach_says_in_short_why_it_has_no_metres_and_the_tab
     assert [row[-1] for row in section["rows"]] == ["", "another", *["see below the table"] * 3]
 
 
+LIFTED = (("count", 2.0, "", "good"), ("grip_hold", 3.04, "", "good"), ("load_hold", 2.87, "", "good"), ("time_to_lift", 0.74, "", "good"))
+SLIPPED = tuple((name, value, "the object slipped", "poor") for name, value, _, _ in LIFTED)
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        (LIFTED, "Heavy: lifted 2×, held with a grip of 3.0 N for a load of 2.9 N; from touch to lift-off 0.7 s."),
+        (SLIPPED, "Heavy: no figures to rely on (the object slipped)."),
+    ],
+)
+def test_a_lift_is_told_in_short(figures: tuple[tuple[str, float, str, Grade], ...], words: str) -> None:
+    made = tuple(Figure(f"lift_{n}", value, "1", "a source", what=f"lift_{n}", grade=grade, reason=why) for n, value, why, grade in figures)
+    task = Task(TaskResult("lift", "lift", 0.0, 10.0, None, made), "Heavy", "Lift", None)
+    assert words in summary(replace(report(session()), tasks=[task]), language("en"))
+
+
 def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> None:
     norm, nothing = (norm_told(what, "", "tapping", language("en")) for what in ("tapping_rate", "nobody_measured_this"))
     assert nothing is None
