@@ -1,39 +1,65 @@
-"""What a stretch of free movement tells already of a joint, while it goes on: where the joint lies from both its sensors, and how far it was bent.
+"""What free movement has told of a finger already, while it goes on: how sure self-calibration would be of lengths, and how far joints were bent.
 
-In      gyroscopes of the sensors before and behind a joint, on the same instants, and how one is turned against the other as live tracking has it
-Out     information (6, 6) on the joint's place in both sensors' frames, which adds up over stretches; its standard deviation along the bones
-Source  Kortier, thesis ch. 4, (4.11), (4.12) differentiated once more: both sensors see one acceleration of the joint,
-        a_p + G(w_p) r_p = R_pc (a_c + G(w_c) r_c) with G(w) = [w]x [w]x + [w']x; the noise is that of self-calibration
-Limits  a joint by itself, orientations counted as known: self-calibration, which knows that a bone's joints lie along it, finds lengths two to four
-        times surer (13 s of a simulated hand: 1.6 to 3.9 mm here, lengths to 0.6 to 1.0 mm there), so enough here is enough there: of twelve
-        recordings of an index finger (12, 15, 20 s) eight had enough and all eight got both lengths; it may find them long before
+In      even readings of a finger's sensors and the hand's over about a second, and how they are turned at its beginning as live tracking has it
+Out     Told: information on the parameters, which adds up over stretches; from all so far a standard deviation of each length and place, by joint
+Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), what noise makes up taken
+        off (covariance.py), sizes of errors learnt as of a solution (posterior.py); enough is what self-calibration itself asks for (findings.Asked)
+Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
+        near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order, of skin they are not
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estimators import quaternions as quat
-from estimators.options import option
+from estimators.hand_anatomy import CHAINS
+from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.self_calibration.problem import Noise
+from estimators.self_calibration import covariance, normal_equations, posterior, residuals
+from estimators.self_calibration.findings import Asked
+from estimators.self_calibration.normal_equations import Factor, Step
+from estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Readings, Unknowns, bent, chain, columns, measured, posed
+from estimators.self_calibration.residuals import NUMEROV, Terms
 
-ALONG = (1, 4)  # the bones' direction in the place before and behind the joint: sensors lie along them, nearly
-SPREAD = (1.0, 99.0)  # per cent of the angles between which a joint's excursion lies
+SPREAD = (1.0, 99.0)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
+SAFE = 4 / 3  # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObservabilityParams:
-    acc: float = option(
-        Noise().acc, "m/s^2", "noise of an accelerometer's sample, play of joints and skin included", "Kortier, thesis 4.5.1"
-    )
-    place: float = option(
-        Noise().place, "m", "distance of a joint's centre from a sensor, before anything is known", "Kortier, thesis 4.3.1"
-    )
-    enough: float = option(
-        1.0, "mm", "standard deviation of a joint's place along the bones that is enough", "ours: 2 % of a proximal phalanx"
-    )
-    bent: float = option(30.0, "deg", "excursion of a joint that is enough", "ours: twice what self-calibration asks for at least")
+@dataclass(frozen=True)
+class Limb:
+    """A finger as it is believed to be before it moves."""
+
+    links: Chain
+    geometry: HandGeometry
+    mounting: Mapping[str, Array]  # q_BS by segment
+
+    @property
+    def kept(self) -> Indices:
+        """Columns of the parameters that are looked at: all but scales and lag."""
+        c = columns(self.links)
+        return np.concatenate([np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.delay.start)])
+
+
+@dataclass(frozen=True)
+class Told:
+    """What stretches of movement tell of a finger together."""
+
+    information: Array  # (P, P) on the parameters that are kept
+    made_up: Array  # (P, P) of it by noise
+    squares: Array  # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
+    redundancy: Array  # (2,) of how many numbers these are the squares, less what the unknowns took up
+    seconds: float
+    turned: float  # rad, of the last sensor, all its turning added up
+    bias_sd: float  # rad/s, of gyroscopes: less where every sensor rested
+
+    @property
+    def noise(self) -> Noise:
+        """Sizes of errors as they were met so far, as `posterior.learnt` has them."""
+        sizes = np.sqrt(self.squares / np.maximum(self.redundancy, 1.0))
+        acc, hinge = np.where(self.redundancy > 1, sizes / [np.linalg.norm(NUMEROV), 1.0], [Noise().acc, Noise().hinge])
+        return Noise(acc=max(float(acc), posterior.LEAST_ACC), hinge=max(float(hinge), posterior.LEAST_HINGE))
 
 
 @dataclass(frozen=True)
@@ -41,39 +67,132 @@ class Observed:
     """How much of what self-calibration needs a joint has shown."""
 
     joint: str
-    place_sd: float  # m, along the bones
+    length_sd: float  # m, of the segments beside it, the larger; where none lies between two joints, of the joint's place
     excursion: float  # rad
-    share: float  # 0 to 1: of what is enough; the lesser of both
+    share: float  # 0 to 1: of what is enough, the least of all that is
 
 
-def information(params: ObservabilityParams, gyr_p: Array, gyr_c: Array, q_pc: Array, dt: float) -> Array:
-    """(6, 6) 1/m^2, of the place of the joint in the frames before (3) and behind it (3), from even samples (n, 3) rad/s every dt s.
-
-    q_pc (n, 4) takes vectors from the frame of the sensor behind to that of the one before. Samples with NaN tell nothing.
-    """
-    if len(gyr_p) < 3:
-        return np.zeros((6, 6))
-    rows = np.concatenate([_lever(gyr_p, dt), -quat.matrix(q_pc) @ _lever(gyr_c, dt)], axis=2)
-    rows = rows[np.isfinite(rows).all(axis=(1, 2))].reshape(-1, 6)
-    return np.asarray(rows.T @ rows / (2.0 * params.acc**2))
+def limb(finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Mapping[str, Array]) -> Limb:
+    """Of the segments with a sensor those that hang together with the hand."""
+    return Limb(chain([s for s in ("hand", *CHAINS[finger]) if s in worn]), geometry, mounting)
 
 
-def place_sd(params: ObservabilityParams, told: Array) -> float:
-    """Standard deviation (m) of the joint's place along the bones, the larger one of both sides, from the information (6, 6) so far."""
-    covariance = np.linalg.inv(told + np.eye(6) / params.place**2)
-    return float(np.sqrt(max(covariance[k, k] for k in ALONG)))
+def nothing(of: Limb) -> Told:
+    """Before anything moved."""
+    none = np.zeros((len(of.kept), len(of.kept)))
+    return Told(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, np.inf)
 
 
-def observed(params: ObservabilityParams, joint: str, told: Array, flexion: Array) -> Observed:
-    """What a joint has shown by the information (6, 6) and the flexion (n,) rad so far, NaN where it was not followed."""
-    known = flexion[np.isfinite(flexion)]
-    excursion = float(np.ptp(np.percentile(known, SPREAD))) if len(known) else 0.0
-    sd = place_sd(params, told)
-    share = min(1.0, 1e-3 * params.enough / sd, excursion / np.radians(params.bent))
-    return Observed(joint, sd, excursion, share)
+def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
+    """What a stretch tells with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
+    problem, at = _place(of, read, q_GS, noise)
+    n, kept = len(problem), of.kept
+    normal = normal_equations.empty(n, 3 * len(of.links.sensors), columns(of.links).count)
+    terms = {kind: kind(problem, at, 0, n) for kind in residuals.EVERY_SAMPLE}
+    for each in terms.values():
+        normal_equations.add(normal, each)
+    normal = replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
+    L, Y, information = normal_equations.eliminated(normal)
+    r, slopes = residuals.priors(problem, at)
+    alone = Factor(L, Y, normal_equations.inverse(information + slopes[:, kept].T @ slopes[:, kept]))
+    step = _whole(of, normal_equations.step(replace(normal, c=normal.c + slopes[:, kept].T @ r), alone))
+    numbers = posterior.normal_numbers(n * L.shape[2] + len(kept), 0)
+    drawn = _whole(of, normal_equations.drawn(alone, numbers[: n * L.shape[2]].reshape(n, -1), numbers[n * L.shape[2] :]))
+    off = [
+        _off(terms[residuals.meeting], step, drawn, noise.acc, 0),
+        _off(terms[residuals.hinging], step, drawn, noise.hinge, len(of.links.hinges)),
+    ]
+    squares, redundancy = np.array(off).T
+    turned = float(np.linalg.norm(problem.turns[:, -1], axis=1).sum())
+    return Told(information, covariance.apparent(problem, at, alone, 1), squares, redundancy, n * problem.dt, turned, problem.bias_sd)
 
 
-def _lever(gyr: Array, dt: float) -> Array:
-    """How the acceleration at a point changes with the point's place: G (n, 3, 3), 1/s^2."""
-    turning = quat.skew(gyr)
-    return np.asarray(turning @ turning + quat.skew(np.gradient(gyr, dt, axis=0)))
+def together(a: Told, b: Told) -> Told:
+    """What two stretches tell, one after the other."""
+    return Told(
+        a.information + b.information,
+        a.made_up + b.made_up,
+        a.squares + b.squares,
+        a.redundancy + b.redundancy,
+        a.seconds + b.seconds,
+        a.turned + b.turned,
+        min(a.bias_sd, b.bias_sd),
+    )
+
+
+def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array]) -> list[Observed]:
+    """Joint by joint, from what was told so far and the flexion (n,) rad by joint, NaN where it was not followed."""
+    sure, problem, at = _sure(of, so_far)
+    lengths = {s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()}
+    turning = so_far.turned / max(so_far.seconds, 1e-9) / np.radians(asked.moving)
+    most = min(1.0, turning, so_far.seconds / asked.shortest)
+    return [_of_joint(asked, of, k, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
+
+
+def _whole(of: Limb, step: Step) -> Step:
+    """The step with the parameters that are not looked at, which stay."""
+    parameters = np.zeros(columns(of.links).count)
+    parameters[of.kept] = step.parameters
+    return Step(step.turns, parameters)
+
+
+def _off(terms: Terms, step: Step, drawn: Step, sd: float, idle: int) -> tuple[float, float]:
+    """Sum of squares of what is left after a step, in the unit of `sd`, and of how many numbers, less what a draw shows to be taken up; `idle` rows a sample are always 0."""
+    left = terms.r + posterior.changed(terms, step)
+    redundancy = left.size - idle * len(left) - float((posterior.changed(terms, drawn) ** 2).sum())
+    return sd**2 * float((left**2).sum()), redundancy
+
+
+def _of_joint(asked: Asked, of: Limb, k: int, sure: Array, lengths: Mapping[int, float], most: float, flexion: Array) -> Observed:
+    followed, ends = flexion[np.isfinite(flexion)], (int(of.links.parents[k]), int(of.links.children[k]))
+    excursion = float(np.ptp(np.percentile(followed, SPREAD))) if len(followed) else 0.0
+    beside = {s: lengths[s] for s in ends if s in lengths}
+    good = [asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd for s, sd in beside.items()]
+    starts = [arms.start + 3 * k for arms in (columns(of.links).far, columns(of.links).near)]
+    place = max(float(np.sqrt(np.trace(sure[at : at + 3, at : at + 3]))) for at in starts)
+    share = min(most, excursion / (SAFE * np.radians(asked.bent)), 1e-3 * asked.place_known / place, *good)
+    return Observed(of.links.joints[k], max(beside.values(), default=place), excursion, float(share))
+
+
+def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:
+    """Covariance (P, P) of the kept parameters, and the place where it was asked for."""
+    S = len(of.links.sensors)
+    none = Readings(0.01, np.zeros((2, S, 3)), np.zeros((2, S, 3)), np.ones((2, S)), np.ones((2, S)))
+    problem, at = _place(of, none, np.tile(quat.IDENTITY, (S, 1)), Noise())
+    problem = replace(problem, bias_sd=min(so_far.bias_sd, np.radians(problem.noise.gyr_bias)))
+    slopes = residuals.priors(problem, at)[1][:, of.kept]
+    before = slopes.T @ slopes
+    arms = covariance.arms(problem, at)[:, of.kept]
+    return covariance.without_noise(normal_equations.inverse(so_far.information + before), so_far.made_up, before, arms), problem, at
+
+
+def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem, Unknowns]:
+    """The finger of nominal size with sensors in the middle of their segments, that turns as its gyroscopes say."""
+    links, geometry = of.links, of.geometry
+    problem = measured(posed(links, noise, read, q_GS, geometry.hand, of.mounting), geometry.lengths)
+    half = 0.5 * np.array([geometry.lengths[s] for s in links.sensors])[:, None] * problem.distal
+    far = half[links.parents]
+    for k in np.flatnonzero(links.parents == 0):
+        on_hand = np.subtract(geometry.joint_positions[links.joints[k]], 0.5 * np.array(geometry.joint_positions["middle_mcp"]))
+        far[k] = quat.rotate(quat.conjugate(np.asarray(of.mounting.get("hand", quat.IDENTITY))), on_hand)
+    S, J = len(links.sensors), len(links.joints)
+    none, skin, whole = np.zeros((S, 3)), np.zeros((J, 3)), np.zeros((S, 3, 3))
+    axes = (problem.flexing[links.parents[links.hinges]], problem.flexing[links.children[links.hinges]])
+    turned = _turned(q_GS, problem.turns)
+    at = Unknowns(turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1))
+    return bent(problem, at), at
+
+
+def _turned(q_GS: Array, turns: Array) -> Array:
+    """Orientations (n, S, 4) from the first (S, 4) and the turns between (n-1, S, 3)."""
+    found = np.empty((len(turns) + 1, *q_GS.shape))
+    found[0] = q_GS
+    for k, turn in enumerate(quat.exp(turns)):
+        found[k + 1] = quat.multiply(found[k], turn)
+    return quat.normalize(found)
+
+
+def _lengths(of: Limb, problem: Problem, at: Unknowns) -> dict[int, Array]:
+    """How each length changes with the kept parameters (P,), by row of its sensor."""
+    lengths = residuals.sizing(replace(problem, length=np.ones(len(of.links.sensors))), at)
+    return {told.sensor: told.by_parameters[0, of.kept] for told in lengths}

@@ -233,9 +233,8 @@ class Station:
         flowing = bool(fresh) and now is not None and now - newest < FLOWING and not self._contradiction()
         felt = {p for s in self.glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT}
         kept = self.glove.state.state != "recording_failed"
-        return Facts(
-            time.monotonic(), newest, flowing, fresh[worst].rate if worst else 0.0, worst, frozenset(fresh) | felt, bends(fresh), kept
-        )
+        rate, measured = fresh[worst].rate if worst else 0.0, frozenset(fresh) | felt
+        return Facts(time.monotonic(), newest, flowing, rate, worst, measured, bends(fresh), kept, self.free.enough)
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity

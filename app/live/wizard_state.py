@@ -10,7 +10,6 @@ from estimators.functional_steps import BENT
 from estimators.hand_anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
-SHORTEST_FREE = 12.0  # s of free movement from which on a person may say that it is enough
 PATIENT = 15.0  # s of a pose that does not become still until another way is proposed
 
 
@@ -26,6 +25,7 @@ class Facts:
     measured: frozenset[str]  # segments with samples
     bends: str = ""  # the finger that moves while the others hardly do
     kept: bool = True  # the recording takes what is measured; with a full disk it does not, and nothing but finishing makes sense
+    moved_enough: bool = False  # free movement tells all that self-calibration looks for
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Wizard:
             Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
             Act.USE: self.state is not State.FREE_REVIEW and not self._usable(),
             Act.FREE: self.free is None or not self._free_fingers(facts),
-            Act.ENOUGH: facts.t - self.onset < SHORTEST_FREE,
+            Act.ENOUGH: not facts.moved_enough,
         }
         return [a for a in acts if not barred.get(a, False)]
 

@@ -32,18 +32,18 @@ def honest(problem: Problem, at: Unknowns, factor: Factor) -> Factor:
     return replace(factor, covariance=covariance + np.diag(walked(problem)))
 
 
-def apparent(problem: Problem, at: Unknowns, factor: Factor) -> Array:
+def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS) -> Array:
     """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned."""
     n, e, P = factor.Y.shape
     count = columns(problem.chain).near.stop
     told = np.zeros((P, P))
-    for k in range(DRAWS):
+    for k in range(draws):
         turns = normal_equations.shaken(factor, posterior.normal_numbers(n * e, k).reshape(n, e)).reshape(n, -1, 3)
         normal = normal_equations.empty(n, e, count)
         for start in range(0, n, CHUNK):
             normal_equations.add(normal, _shaken(problem, at, turns, start))
         flat = normal_equations.whitened(factor, normal.B).reshape(-1, count)
-        told[:count, :count] += (normal.C - flat.T @ flat) / DRAWS
+        told[:count, :count] += (normal.C - flat.T @ flat) / draws
     return told
 
 

@@ -61,6 +61,12 @@ def add(normal: Normal, terms: Terms) -> None:
 
 def factored(normal: Normal, damping: float = 0.0) -> Factor:
     """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
+    L, Y, schur = eliminated(normal, damping)
+    return Factor(L, Y, inverse(schur))
+
+
+def eliminated(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Array]:
+    """L and Y of `Factor`, and what is left to tell of the parameters (P, P). LinAlgError where the equations do not tell the trajectory."""
     L, Y, C = normal.A.copy(), normal.B.copy(), normal.C.copy()
     diagonal = np.arange(L.shape[2])
     L[:, 0, diagonal, diagonal] *= 1 + damping
@@ -70,7 +76,7 @@ def factored(normal: Normal, damping: float = 0.0) -> Factor:
     if not sound[0]:
         raise np.linalg.LinAlgError("the readings do not tell the trajectory")
     flat = Y.reshape(-1, Y.shape[2])
-    return Factor(L, Y, inverse(C - flat.T @ flat))
+    return L, Y, C - flat.T @ flat
 
 
 def inverse(schur: Array) -> Array:

@@ -50,7 +50,7 @@ def sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
         for start in range(0, len(problem), CHUNK):
             terms = kind(problem, at, start, start + CHUNK)
             squares += float((terms.r**2).sum())
-            redundancy += terms.r.size - always_zero * len(terms.r) - float((_changed(terms, step) ** 2).sum())
+            redundancy += terms.r.size - always_zero * len(terms.r) - float((changed(terms, step) ** 2).sum())
         found.append(float(np.sqrt(squares / redundancy)) if redundancy > 1 else 1.0)
     return Sizes(*found)
 
@@ -71,7 +71,7 @@ def normal_numbers(count: int, which: int) -> Array:
     return np.asarray(ndtri(((z >> np.uint64(11)).astype(float) + 0.5) / 2.0**53))
 
 
-def _changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
+def changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
     """By how much a step changes residuals (T, m), to first order."""
     T = len(terms.r)
     change = terms.by_parameters @ step.parameters[terms.cols]

@@ -55,8 +55,8 @@ function row(finger, names, seen) {
   return h("tr", {}, h("th", { scope: "row" }, t(`finger.${finger}`)), cells);
 }
 
-function gauge({ joint, share, excursion_deg, place_mm }) {
-  const said = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, place: place_mm });
+function gauge({ joint, share, excursion_deg, length_mm }) {
+  const said = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, length: length_mm });
   const bar = h("meter", { min: 0, max: 1, low: LITTLE / 2, high: LITTLE, optimum: 1, "aria-label": said, title: said });
   bar.value = share;
   return bar;

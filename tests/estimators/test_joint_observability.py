@@ -6,68 +6,90 @@ import numpy as np
 import pytest
 
 from estimators import joint_observability as meter
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT
-from estimators.joint_observability import ObservabilityParams
+from estimators.joint_observability import Limb, Told
 from estimators.quaternions import Array
-from tests.estimators.self_calibration.fingers import recorded
+from estimators.self_calibration.findings import Asked
+from estimators.self_calibration.problem import Noise
+from estimators.simulation.scenario import Simulated
+from tests.estimators.self_calibration.fingers import looked, recorded, stiffened, watched
 
-PARAMS = ObservabilityParams()
-DT = 0.01
-
-
-SENSORS = ("hand", "index_proximal", "index_middle", "index_distal")
-
-
-def told(part: slice, before: int, behind: int) -> Array:
-    """Information from a stretch of an artificial finger's sensors (hand, proximal, middle, distal)."""
-    made = recorded(2, 16.0, skin=True)
-    gyr = made.samples["imu"].of("gyr")[part]
-    q_p, q_c = (made.truth.q_GS[part, SEGMENT[SENSORS[k]]] for k in (before, behind))
-    return meter.information(PARAMS, gyr[:, before], gyr[:, behind], quat.relative(q_p, q_c), DT)
+ASKED = Asked()
+JOINTS = ("index_mcp", "index_pip", "index_dip")
+BENT = dict.fromkeys(JOINTS, np.radians(np.linspace(0.0, 40.0, 500)))
 
 
-def test_the_joints_place_changes_the_acceleration_as_the_formula_says() -> None:
-    t = np.arange(200) * 1e-4
-    gyr = np.array([1.0, 2.0, -0.5]) * np.sin(7 * t)[:, None] + np.array([0.3, -1.0, 2.0])
-    turning = np.gradient(gyr, 1e-4, axis=0)[100]
-
-    def at(r: Array) -> Array:
-        return np.cross(gyr[100], np.cross(gyr[100], r)) + np.cross(turning, r)
-
-    np.testing.assert_allclose(meter._lever(gyr, 1e-4)[100], np.stack([at(e) for e in np.eye(3)], axis=1), atol=1e-9)
+def lengths_sd(of: Limb, told: Told) -> Array:
+    """Of proximal and middle phalanx, m."""
+    _, proximal, middle = (o.length_sd for o in meter.observed(ASKED, of, told, BENT))
+    return np.array([proximal, middle])
 
 
 def test_information_of_stretches_adds_up_and_never_falls() -> None:
-    halves = told(slice(200, 801), 1, 2), told(slice(800, 1401), 1, 2)
-    sds = [meter.place_sd(PARAMS, np.zeros((6, 6))), meter.place_sd(PARAMS, halves[0]), meter.place_sd(PARAMS, halves[0] + halves[1])]
-    assert sds[0] == pytest.approx(0.1)
-    assert sds[0] > 20 * sds[1] > 20 * sds[2]
-    np.testing.assert_allclose(halves[0] + halves[1], told(slice(200, 1401), 1, 2), rtol=0.02)
+    made = recorded(2, 16.0, skin=True)
+    of, stretches = looked(made, 3.0, 9.0, noise=Noise())
+    sds = [lengths_sd(of, meter.nothing(of))]
+    so_far = meter.nothing(of)
+    for told in stretches:
+        so_far = meter.together(so_far, told)
+        sds.append(lengths_sd(of, so_far))
+    assert (sds[0] > 8e-3).all()  # what given lengths are good for
+    assert (np.diff(sds, axis=0) < 1e-5).all()
+    assert (sds[-1] < 1e-3).all()
+    (_, (whole,)) = looked(made, 3.0, 9.0, every=6.0, noise=Noise())
+    np.testing.assert_allclose(lengths_sd(of, so_far), lengths_sd(of, whole), rtol=0.15)
 
 
-def test_two_sensors_on_one_stiff_piece_tell_nothing_of_a_joint_between_them() -> None:
-    gyr = recorded(2, 16.0).samples["imu"].of("gyr")[200:1400, 1]
-    stiff = meter.information(PARAMS, gyr, gyr, np.tile(quat.IDENTITY, (1200, 1)), DT)
-    assert meter.place_sd(PARAMS, stiff) > 0.05
-    seen = meter.observed(PARAMS, "index_pip", told(slice(200, 1400), 1, 2), np.full(1200, 0.02))
-    assert (seen.excursion, seen.share) == (0.0, 0.0)
+def test_a_hand_at_rest_tells_nothing_whatever_its_noise() -> None:
+    of, stretches = looked(recorded(2, 16.0, skin=True), 0.0, 1.9)
+    resting = meter.together(*stretches)
+    assert (lengths_sd(of, resting) > 0.95 * lengths_sd(of, meter.nothing(of))).all()
+    assert max(o.share for o in meter.observed(ASKED, of, resting, BENT)) < 0.2
 
 
-def test_missing_samples_tell_nothing_and_spoil_nothing() -> None:
-    gyr = recorded(2, 16.0, skin=True).samples["imu"].of("gyr").copy()
-    gyr[300:350] = np.nan
-    q_pc = np.tile(quat.IDENTITY, (len(gyr), 1))
-    found = meter.information(PARAMS, gyr[:, 1], gyr[:, 2], q_pc, DT)
-    assert np.isfinite(found).all()
-    assert found.any()
-    assert not meter.information(PARAMS, gyr[:2, 1], gyr[:2, 2], q_pc[:2], DT).any()
+def test_a_stiff_finger_on_a_turning_hand_tells_no_length() -> None:
+    made = stiffened(4, 11.0, dict.fromkeys((f"{joint}_flexion" for joint in JOINTS), 20.0))
+    assert max(o.share for o in watched(made)) < 0.1
+    of, stretches = looked(made, 0.0, 11.0)
+    so_far = stretches[0]
+    for told in stretches[1:]:
+        so_far = meter.together(so_far, told)
+    assert max(o.share for o in meter.observed(ASKED, of, so_far, BENT)) < 1.0, "though its joints were bent"
 
 
-def test_enough_is_said_only_of_a_joint_that_was_bent_and_placed() -> None:
-    sure = np.eye(6) * 1e8
-    half = meter.observed(PARAMS, "index_pip", sure, np.radians([0.0, 15.0]))
-    whole = meter.observed(PARAMS, "index_pip", sure, np.radians(np.linspace(0.0, 40.0, 500)))
-    assert (half.share, whole.share) == (pytest.approx(0.49, abs=0.02), 1.0)
-    unsure = replace(PARAMS, enough=1e-4)
-    assert meter.observed(unsure, "index_pip", np.eye(6), np.radians(np.linspace(0.0, 40.0, 500))).share < 0.01
+def test_enough_is_said_only_of_a_joint_that_was_bent_long_enough_by_a_hand_that_moved() -> None:
+    made = recorded(2, 16.0, skin=True)
+    of, stretches = looked(made, 3.0, 14.0)
+    so_far = stretches[0]
+    for told in stretches[1:]:
+        so_far = meter.together(so_far, told)
+    shares = [o.share for o in meter.observed(ASKED, of, so_far, BENT)]
+    assert shares == [1.0, 1.0, 1.0]
+    half = meter.observed(ASKED, of, so_far, {**BENT, "index_pip": np.append(np.radians([5.0, 15.0]), np.nan)})
+    assert [round(o.share, 1) for o in half] == [1.0, 0.5, 1.0]
+    for less in (replace(so_far, seconds=5.0), replace(so_far, turned=np.radians(0.5 * ASKED.moving * so_far.seconds))):
+        assert max(o.share for o in meter.observed(ASKED, of, less, BENT)) == pytest.approx(0.5, abs=0.01)
+
+
+def test_samples_that_are_missing_tell_nothing_and_spoil_nothing() -> None:
+    made = recorded(2, 16.0, skin=True)
+    of, (whole,) = looked(made, 5.0, 7.0, every=2.0)
+    _, (bridged,) = looked(_without(made, 540, 544), 5.0, 7.0, every=2.0)
+    assert (lengths_sd(of, bridged) > 0.99 * lengths_sd(of, whole)).all()
+    np.testing.assert_allclose(lengths_sd(of, bridged), lengths_sd(of, whole), rtol=0.2)
+
+
+def _without(made: Simulated, start: int, stop: int) -> Simulated:
+    block = made.samples["imu"]
+    values = block.values.copy()
+    values[start:stop, 2] = np.nan
+    return replace(made, samples={"imu": replace(block, values=values)})
+
+
+def test_a_finger_with_one_sensor_is_looked_at_as_far_as_that_tells() -> None:
+    made = recorded(2, 16.0, skin=True)
+    block = made.samples["imu"]
+    stream = replace(block.stream, sensors=block.stream.sensors[:2])
+    (mcp,) = watched(replace(made, samples={"imu": replace(block, stream=stream, values=block.values[:, :2])}))
+    assert mcp.joint == "index_mcp"
+    assert 10e-3 < mcp.length_sd < 0.1, "where along its axis a printed hinge lies is told by no movement"
+    assert 0.0 < mcp.share < 1.0

@@ -15,7 +15,7 @@ from estimators.samples import Block, Event
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
 from estimators.simulation.scenario import Simulated
-from tests.estimators.self_calibration.fingers import recorded, stiffened
+from tests.estimators.self_calibration.fingers import recorded, stiffened, watched
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
@@ -64,6 +64,11 @@ def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Proces
         np.testing.assert_allclose(found.acc_bias[name][square], worn.bias[k, 3:6][square], atol=0.05)
 
 
+def test_where_the_live_meter_says_enough_the_lengths_are_found(processed: Processed, gapped: Simulated) -> None:
+    assert [o.share for o in watched(gapped)] == [1.0, 1.0, 1.0]
+    assert set(processed.calibrations[0].lengths_sd) == {"index_proximal", "index_middle"}
+
+
 def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -> None:
     """Seats, places and angles lie within three of their standard deviations; where a mounting had to be believed, these say so."""
     moved, truth, found = processed.trajectory, gapped.truth, processed.calibrations[0]
@@ -88,6 +93,7 @@ def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     assert said.startswith("index_pip (")
     assert "the lengths of index_proximal, index_middle stay as given" in said
     assert dict(done.calibrations[0].lengths_sd) == {}
+    assert {o.joint for o in watched(recording) if o.share < 0.5} == {"index_pip"}, "so did the live meter"
     assert not {"index_proximal", "index_middle"} & set(done.calibrations[0].p_BS)
     moved, truth = done.trajectory, recording.truth
     for joint in ("index_mcp", "index_pip", "index_dip"):
@@ -113,8 +119,10 @@ def test_gaps_that_leave_no_long_stretch_are_told() -> None:
 
 def test_five_seconds_are_too_few() -> None:
     recording = recorded(2, 16.0, skin=True)
+    short = _with(recording, recording.samples["imu"].values, 4.0, 9.01)
     with pytest.raises(InputError, match=r"5\.0 s of movement, self-calibration needs 10 s"):
-        process(METHOD, METHOD.Params(), _with(recording, recording.samples["imu"].values, 4.0, 9.01))
+        process(METHOD, METHOD.Params(), short)
+    assert max(o.share for o in watched(short, start=4.0, stop=9.0)) < 0.6, "nor does the live meter say enough"
 
 
 @pytest.mark.parametrize("spoke", [0, 1150])

@@ -20,6 +20,7 @@ from estimators.self_calibration.solver import Solution
 from estimators.simulation import free_movement
 from estimators.simulation.scenario import Simulated
 from estimators.simulation.sensors import SensorErrors
+from tests.estimators.self_calibration.fingers import watched
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
@@ -75,6 +76,7 @@ def test_a_hand_is_calibrated_with_its_fingers_at_once(case: Case) -> None:
     for name in (f"{f}_{s}" for f in TWO for s in ("proximal", "middle")):
         assert found.geometry.lengths[name] == pytest.approx(case.geometry.lengths[name], rel=0.02)
         assert found.lengths_sd[name] < 0.015 * found.geometry.lengths[name]
+    assert {o.share for f in TWO for o in watched(case.made, f)} == {1.0}, "the live meter promises what was found"
     moved, truth = case.done.trajectory, case.made.truth
     inside = (moved.t > 2.0) & (moved.t < DURATION - 2.0)
     for joint in ("index_pip", "middle_pip"):

@@ -6,10 +6,14 @@ from functools import cache
 
 import numpy as np
 
+from estimators import joint_observability
 from estimators import quaternions as quat
+from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT
+from estimators.joint_observability import Limb, Observed, Told
 from estimators.quaternions import Array
 from estimators.samples import Block
-from estimators.self_calibration import first_guess
+from estimators.self_calibration import first_guess, recordings
+from estimators.self_calibration.findings import Asked
 from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, posed
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
@@ -69,3 +73,30 @@ def lengths(at: Unknowns) -> Array:
 def distances(at: Unknowns) -> Array:
     """Sensors to hinges: board, proximal, middle, distal, m."""
     return np.linalg.norm(np.concatenate([at.far[:1], at.near]), axis=1)
+
+
+def looked(
+    recording: Simulated, start: float, stop: float, finger: str = "index", every: float = 1.0, noise: Noise | None = None
+) -> tuple[Limb, list[Told]]:
+    """What a live meter takes in of a finger, stretch by stretch; its tracker is off by 8 deg, each sensor about another axis."""
+    blocks = list(recording.blocks())
+    limb = joint_observability.limb(finger, [s for b in blocks for s in b.stream.sensors], recording.geometry, recording.mounting)
+    off = quat.exp(np.radians(8.0) * np.eye(3)[np.arange(len(limb.links.sensors)) % 3])
+    rows, nominal = [SEGMENT[s] for s in limb.links.sensors], [recording.mounting.get(s, quat.IDENTITY) for s in limb.links.sensors]
+    told, so_far = [], joint_observability.nothing(limb)
+    for begun in np.arange(start, stop - 0.5 * every, every):
+        t, read = recordings.readings(blocks, limb.links.sensors, begun, begun + every)
+        q_GB = recording.truth.q_GS[np.searchsorted(recording.truth.t, t[0]), rows]
+        told.append(joint_observability.told(limb, read, quat.multiply(quat.multiply(q_GB, np.array(nominal)), off), noise or so_far.noise))
+        so_far = joint_observability.together(so_far, told[-1])
+    return limb, told
+
+
+def watched(recording: Simulated, finger: str = "index", start: float = 0.0, stop: float | None = None) -> list[Observed]:
+    """What the live meter says at the end of a recording."""
+    limb, stretches = looked(recording, start, float(recording.truth.t[-1]) if stop is None else stop, finger)
+    so_far = joint_observability.nothing(limb)
+    for told in stretches:
+        so_far = joint_observability.together(so_far, told)
+    bent = {joint: recording.truth.angles[:, JOINT[joint], FLEXION] for joint in limb.links.joints}
+    return joint_observability.observed(Asked(), limb, so_far, bent)

@@ -1,0 +1,87 @@
+"""The meter of free movement as a station follows it: in strips, a second at a time, beside the tick."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from app.live import free_meter
+from app.live.free_meter import FreeMeter
+from estimators import initial_pose
+from estimators.calibration import Calibration
+from estimators.hand_geometry import HandGeometry
+from estimators.samples import Block
+from estimators.simulation.scenario import Simulated
+from estimators.trajectory import Trajectory
+from tests.estimators.self_calibration.fingers import recorded
+from tests.simulated import strips_of
+
+
+@dataclass
+class Followed:
+    """What a tracker keeps of a recording up to an instant."""
+
+    made: Simulated
+    calibration: Calibration | None
+    reached: float = 0.0
+
+    @property
+    def geometry(self) -> HandGeometry:
+        return self.made.geometry
+
+    def newest_sample(self) -> float:
+        return self.reached
+
+    def samples(self, onset: float) -> list[Block]:
+        return [b.between(onset, self.reached) for b in self.made.samples.values()]
+
+    def past(self, start: float, stop: float) -> Trajectory:
+        return self.made.truth.between(start, stop)
+
+
+@pytest.fixture
+def followed() -> Followed:
+    """A finger and the hand's sensor, each on a strip of its own."""
+    made = strips_of(recorded(2, 16.0, skin=True))
+    sensors = [s for b in made.samples.values() for s in b.stream.sensors]
+    return Followed(made, initial_pose.uncalibrated("left", made.geometry, made.mounting, sensors, 0.0))
+
+
+def moved(followed: Followed, stop: float) -> FreeMeter:
+    meter = FreeMeter(followed, 2.0)  # type: ignore[arg-type]
+    for at in np.arange(2.0, stop, 0.5):
+        followed.reached = at
+        meter.follow()
+        if meter._thread:
+            meter._thread.join()
+    return meter
+
+
+def test_it_says_enough_once_the_hand_has_moved_long_enough(followed: Followed) -> None:
+    meter = moved(followed, 8.1)
+    assert [o.joint for o in meter.observed] == ["index_mcp", "index_pip", "index_dip"]
+    assert max(o.share for o in meter.observed) < 0.7 and not meter.enough
+    assert max(o.length_sd for o in meter.observed) < 1.5e-3
+    assert moved(followed, 13.6).enough
+
+
+def test_a_sensor_that_falls_silent_tells_nothing_more(followed: Followed) -> None:
+    before = moved(followed, 6.1).observed
+    strip = followed.made.samples["index"]
+    values = strip.values.copy()
+    values[strip.t > 5.7, 2] = np.nan
+    followed.made = replace(followed.made, samples={**followed.made.samples, "index": replace(strip, values=values)})
+    after = moved(followed, 10.1).observed
+    assert [o.length_sd for o in after] == pytest.approx([o.length_sd for o in before], rel=0.3)
+    assert all(a.share <= 0.5 for a in after)
+
+
+def test_before_any_pose_and_when_it_fails_the_station_goes_on(
+    followed: Followed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    calibration, followed.calibration = followed.calibration, None
+    assert not moved(followed, 6.1).observed
+    followed.calibration = calibration
+    monkeypatch.setattr(free_meter, "_told", None)
+    assert not moved(followed, 4.1).enough
+    assert "could not be followed" in caplog.text
