@@ -140,19 +140,20 @@ def learnt(
 ) -> Solution:
     """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
     rough = replace(limits, least_gain=limits.rough_gain)
-    base, knocked = problem, _knocked(problem, start, GROSS)
-    begun = replace(_without_knocks(problem, start, GROSS), turn_sd=base.turn_sd * np.where(knocked, OPENED, 1.0)[:, None])
+    base, doubt = problem, _doubt(posterior.strange(problem, start), GROSS)
+    knocked = _beside(doubt)
+    begun = replace(resized(problem, problem.noise, doubt), turn_sd=base.turn_sd * np.where(knocked, OPENED, 1.0)[:, None])
     found, steps = _settled(solve(begun, start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
-        fresh = _knocked(found.problem, found.at, limits.knock) & ~knocked
+        doubt = _doubt(posterior.strange(found.problem, found.at), limits.knock)
+        fresh = _beside(doubt) & ~knocked
         turns = base.turn_sd * np.where(fresh[:, None], OPENED, _jolted(base, found.at, knocked, limits.knock))
         knocked = knocked | fresh
-        told = replace(
-            _without_knocks(found.problem, found.at, limits.knock), turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd
-        )
+        less = resized(found.problem, found.problem.noise, doubt)
+        told = replace(less, turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd)
         doubted = doubting(told, found.at)
         noise = posterior.learnt(doubted, found.at, found.factor)
         found = _settled(
@@ -170,15 +171,10 @@ def _settled(found: Solution) -> Solution:
     return replace(found, outcome="converged" if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all() else found.outcome)
 
 
-def _without_knocks(problem: Problem, at: Unknowns, limit: float) -> Problem:
-    """The problem with samples that are off by more than `limit` usual errors of their sensor trusted less."""
-    return resized(problem, problem.noise, _doubt(posterior.strange(problem, at), limit))
-
-
-def _knocked(problem: Problem, at: Unknowns, limit: float) -> NDArray[np.bool_]:
-    """Turns (n-1,) beside accelerations that are off by more than `limit` usual errors: accelerometer or gyroscope may be to blame."""
-    strange = np.flatnonzero((_doubt(posterior.strange(problem, at), limit) > 1).any(axis=1))
-    found = np.zeros(len(problem) - 1, bool)
+def _beside(doubt: Array) -> NDArray[np.bool_]:
+    """Turns (n-1,) beside accelerations that are doubted by factors (n, S): accelerometer or gyroscope may be to blame."""
+    strange = np.flatnonzero((doubt > 1).any(axis=1))
+    found = np.zeros(len(doubt) - 1, bool)
     found[np.clip(strange[:, None] + np.arange(-BESIDE, BESIDE), 0, len(found) - 1)] = True
     return found
 
