@@ -33,6 +33,8 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
   let mutable;
   // and its unused splat sorter asks for eval, which the policy refuses
   addEventListener("unhandledrejection", event => { if (event.reason instanceof EvalError) event.preventDefault(); });
+  // and it connects again in a window alone that has the focus, which a frame beside the wizard has not
+  document.hasFocus = () => true;
   Object.defineProperty(window, "__viserMutable", { configurable: true, get: () => mutable, set(value) {
     mutable = value;
     mutable.nodeRefFromName = new Proxy(mutable.nodeRefFromName, { get: (nodes, name) => nodes[name] ?? undefined });

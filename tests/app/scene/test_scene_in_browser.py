@@ -170,6 +170,24 @@ def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     assert failures == []
 
 
+def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(browser: Browser, scene: HandScene, served: Site) -> None:
+    """viser's own page waits until it has the focus."""
+    context = browser.new_context(viewport={"width": 320, "height": 240})
+    context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
+    context.add_init_script(SELDOM)
+    page = context.new_page()
+    around = f'<button>Continue</button><iframe src="{served.path}"></iframe>'
+    page.route("**/around", lambda route: route.fulfill(body=around, content_type="text/html"))
+    viewers, before = scene._server._websock_server._client_state_from_id, len(served.sockets)
+    others = len(viewers)
+    page.goto(f"http://{served.host}/around")
+    page.get_by_role("button", name="Continue").click()
+    eventually(lambda: page.title() == "" and len(viewers) > others)
+    scene._server._websock_server.disconnect_all_clients()
+    eventually(lambda: page.title() == "" and len(served.sockets) >= before + 2 + others and len(viewers) > others)
+    context.close()
+
+
 def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
     scene.ghost(postures.angles_of(tasks.flat()))
