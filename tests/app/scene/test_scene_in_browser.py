@@ -61,6 +61,10 @@ def plain(scene: HandScene, right_scene: HandScene) -> None:
         each.show(postures.relaxed(), view.palm_down(each._hand))
 
 
+def resized(page: Page, size: tuple[int, int]) -> None:
+    page.set_viewport_size(dict(zip(("width", "height"), size)))  # type: ignore[arg-type]
+
+
 def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: Callable[[str], None] = lambda url: None) -> Page:
     """The page of a scene, logged in, when the hand has come."""
     width, height = size
@@ -124,14 +128,21 @@ def hand_like(picture: Picture) -> bool:
     return bool(central > 0.97 and not border and np.median(np.nonzero(picture.cuff)[0]) > np.median(rows))
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_a_hand_is_drawn_in_the_middle_at_every_size(browser: Browser, scene: HandScene, served: Site, size: str, tmp_path: Path) -> None:
-    page = opened(browser, served, SIZES[size])
-    resting = settled(page, hand_like, tmp_path / f"resting-{size}.png")  # the first pictures are darker: its light is still to come
-    scene.show(postures.angles_of(tasks.spread()), None)
-    more = 1.1 * resting.share(resting.skin)
-    wider = 1.2 * np.ptp(np.nonzero(resting.skin)[1])  # light alone makes more skin, not a wider hand
-    seen(page, lambda p: hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider, tmp_path / f"spread-{size}.png")
+@pytest.mark.parametrize("sizes", [("wide", "small"), ("narrow",)], ids=" then ".join)
+def test_a_hand_is_drawn_in_the_middle_at_every_size(
+    browser: Browser, scene: HandScene, served: Site, sizes: tuple[str, ...], tmp_path: Path
+) -> None:
+    """A page is opened at the first size; at the shape of the small one all the others are."""
+    page = opened(browser, served, SIZES[sizes[0]])
+    for size in sizes:
+        resized(page, SIZES[size])
+        scene.show(postures.relaxed(), None)
+        resting = settled(page, hand_like, tmp_path / f"resting-{size}.png")  # the first pictures are darker: its light is still to come
+        scene.show(postures.angles_of(tasks.spread()), None)
+        more = 1.1 * resting.share(resting.skin)
+        wider = 1.2 * np.ptp(np.nonzero(resting.skin)[1])  # light alone makes more skin, not a wider hand
+        spread = lambda p: hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023, E731
+        seen(page, spread, tmp_path / f"spread-{size}.png")
     page.context.close()
 
 
@@ -254,15 +265,14 @@ def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tm
 
 @pytest.mark.parametrize("size", SIZES)
 def test_viser_shows_nothing_of_its_own(page: Page, size: str) -> None:
-    width, height = SIZES[size]
-    page.set_viewport_size({"width": width, "height": height})
+    resized(page, SIZES[size])
     assert page.title() == "Hand"
     page.wait_for_function(
         "() => document.querySelector('.mantine-Paper-root, [data-floating-window]') !== null"
     )  # it is there, but hidden
     assert page.locator("button:visible, input:visible, a:visible").count() == 0
     assert page.locator("body").inner_text().strip() == ""
-    page.set_viewport_size(dict(zip(("width", "height"), QUICK)))  # type: ignore[arg-type]
+    resized(page, QUICK)
 
 
 def test_who_is_not_logged_in_gets_no_page(browser: Browser, served: Site) -> None:
