@@ -33,11 +33,14 @@ class Wish(BaseModel):
 
 
 @router.get("/gloves")
-def list_gloves(parts: PartsDep) -> list[dict[str, Any]]:
+def list_gloves(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     """Serial ports where a glove may be, virtual gloves of this server first."""
     own = [{"path": p, "description": Path(p).name.replace("-", " "), "virtual": True} for p in parts.settings.demo_ports]
     real = [{"path": p.path, "description": p.description, "virtual": False} for p in ports.available()]
-    return [{**port, "in_use": parts.stations.uses(str(port["path"]))} for port in (*own, *real)]
+    return [
+        {**port, "description": language.heard(str(port["description"])), "in_use": parts.stations.uses(str(port["path"]))}
+        for port in (*own, *real)
+    ]
 
 
 @router.get("/stations", dependencies=[WATCHERS])

@@ -34,7 +34,8 @@ export function mount(root, api, { record, treats }) {
     h("p", { class: "hint" }, t("measure.trunk_height.how")),
     h("div", { class: "pair" }, field(t("measure.trunk_height.field"), trunk)),
   );
-  const form = h("form", { novalidate: true }, rows, more, sitting, h("button", { type: "submit", class: "clinicians" }, t("measures.save")), said);
+  const save = h("button", { type: "submit", class: "clinicians" }, t("measures.save"));
+  const form = h("form", { novalidate: true }, rows, more, sitting, save, said);
   let seen = record.now;
   const shown = ({ path }) => millimetres(valueOf(seen.hand_measures, path));
   const fill = (patient) => {

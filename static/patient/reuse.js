@@ -15,11 +15,11 @@ export function mount(root, api, { kept }) {
     const moment = offered && dayAndTime(offered.recorded);
     const options = PARTS.map((parts) => ({
       value: parts,
-      label: t(`reuse.${parts}`, { moment }),
+      label: t(`reuse.take.${parts}`),
       note: parts === "nothing" ? t("reuse.nothing.note") : t(`reuse.${parts}.note`, { moment }),
     }));
     const summary = offered && h("p", { class: "soft small" }, offered.told.summary);
-    root.replaceChildren(...(offered ? [choices(t("reuse.title"), "reuse", options, "several"), summary] : []));
+    root.replaceChildren(...(offered ? [choices(t("reuse.of", { moment }), "reuse", options, "several"), summary] : []));
   }
 
   /** What was decided, as the API takes it; an Error where it was not. */
