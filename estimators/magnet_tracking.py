@@ -28,6 +28,8 @@ from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellatio
 from estimators.quaternions import Array
 from estimators.sensor_fusion import upright
 
+ROOM = 1e-6  # T by which the field of a room differs from the earth's
+PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 
 
@@ -223,7 +225,7 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
     P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
     P[V_ : V_ + 3, V_ : V_ + 3] = np.eye(3) * 0.1**2
     P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
-    field = np.array([1e-6, 0.1 * setup.earth, 0.1 * setup.earth]) if setup.dip is None else np.full(3, 1e-6)
+    field = np.array([PINNED, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM])])
     P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
     P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (params.gyr_bias_sd * DEG) ** 2
     P[range(15, 18), range(15, 18)] = P[range(24, 27), range(24, 27)] = params.acc_bias_sd**2

@@ -63,7 +63,8 @@ def test_both_moving_is_followed_within_the_target(both: tuple[Motion, Setup, Re
     late = m.t > 10.0
     assert np.sqrt((_off(m, track)[late] ** 2).mean()) < 0.015
     assert np.degrees(np.sqrt((quat.angle(quat.relative(m.q_bt, track.q_bt))[late] ** 2).mean())) < 2.0
-    assert np.degrees(np.sqrt((quat.angle(quat.relative(m.q[:, 0], track.q_gb))[late] ** 2).mean())) < 6.0
+    trunk = np.degrees(np.sqrt((quat.angle(quat.relative(m.q[:, 0], track.q_gb))[late] ** 2).mean()))
+    assert trunk < 2.0, "3 deg where heading and field may turn together"
     assert not track.doubtful[late].any()
 
 
