@@ -40,7 +40,7 @@ from estimators.magnet_filter import (
     widened,
 )
 from estimators.magnet_lateness import settled, went_on
-from estimators.magnet_reading import EVIDENCE, magnetic, magnetometers, read, searched
+from estimators.magnet_reading import EVIDENCE, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put
 
@@ -74,33 +74,26 @@ def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
 @inlined
 def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
     """Normalised innovation squared of the magnetometers' axes, a degree of freedom; negative where none answered."""
-    rows, count = 3 * len(mag), 0
-    H, h, missed, noise = np.zeros((rows, len(P))), np.zeros((3, len(P))), np.zeros(rows), np.zeros((rows, rows))
-    for k in range(len(mag)):
-        reads = read(x, way, k, h)
-        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
-        count += 3 * there
-        for i in range(3):
-            row = 3 * k + i
-            noise[row, row], missed[row] = s.mag**2, mag[k, i] - reads[i] if there else 0.0
-            for j in range(len(P)):
-                H[row, j] = h[i, j] if there else 0.0
+    rows = 3 * len(mag)
+    H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
+    count = compared(s, x, way, mag, 1.0, H, missed, noise)
     return correct(P.copy(), missed, H, noise, np.empty(len(P))) / count if count else -1.0
 
 
 @inlined
 def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
-    start, lost = np.zeros(len(P)), P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
+    lost = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
-        here, _, cost = magnetic(s, x, P, way, start, mag, 1.0, lost)
-        there, _, less = magnetic(s, x, P, way, searched(s, x, P, mag, centre), mag, 1.0, lost)
-        start = here
+        start, _, cost = sought(s, x, P, way, np.zeros(len(P)), mag, 1.0)
+        there, _, less = sought(s, x, P, way, searched(s, x, P, mag, centre), mag, 1.0)
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
             start, grown = np.zeros(len(P)), 1.0
-    dx, C, cost = magnetic(s, x, P, way, start, mag, grown, lost)
+        dx, C, cost = sought(s, x, P, way, start, mag, grown)
+    else:
+        dx, C, cost = kept(s, x, P, way, mag, grown)
     out: Array = moved(x, dx)
     if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
         out = without(s, x, P, way, mag, dt)

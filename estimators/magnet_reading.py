@@ -40,6 +40,7 @@ from estimators.quaternions import Array
 from estimators.small_matrices import block
 
 ITERATIONS = 6
+NEAR = 0.002  # m: a place that moves by less is found
 GRID = 10  # places searched along each axis of the volume
 EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
 
@@ -101,41 +102,66 @@ def read(x: Array, way: Array, k: int, H: Array) -> Array:
 
 
 @inlined
-def magnetic(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, lost: bool) -> tuple[Array, Array, float]:
-    """Iterated update from x moved by `start`: error, covariance, what is missed squared by its covariance (of 3 a reading).
-
-    Of a place that is `lost` the slopes are those where the readings lead to. Otherwise they are those halfway: over that way they tell the change of a
-    reading up to its second derivative, and take half as much of the readings' noise into themselves.
-    """
-    dx, C, cost = start.copy(), P, 0.0
-    rows = 3 * len(mag)
-    H, h, missed, noise, new = np.zeros((rows, len(dx))), np.zeros((3, len(dx))), np.zeros(rows), np.zeros((rows, rows)), np.empty(len(dx))
-    expected = np.empty((len(mag), 3))
+def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> int:
+    """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
+    `grown`; gives how many axes did."""
+    count, h = 0, np.zeros((3, H.shape[1]))
     for k in range(len(mag)):
         reads = read(x, way, k, h)
+        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+        count += 3 * there
         for i in range(3):
-            expected[k, i] = reads[i]
+            row = 3 * k + i
+            noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i] if there else 0.0
+            for j in range(H.shape[1]):
+                H[row, j] = h[i, j] if there else 0.0
+    return count
+
+
+@inlined
+def approached(dx: Array, new: Array, last: bool) -> float:
+    """Go from dx to the new error, in place; gives how far its place is, m. Only part of a long way: over a field that bends it leads astray."""
+    change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
+    share = 0.1 / change if not last and change > 0.1 else 1.0
+    for i in range(len(dx)):
+        dx[i] += share * (new[i] - dx[i])
+    return change
+
+
+@inlined
+def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
+
+    The slopes are those halfway to where the readings lead: over that way they tell the change of a reading up to its second derivative, and take half as
+    much of the readings' noise into themselves.
+    """
+    size, rows = len(P), 3 * len(mag)
+    dx, C, cost, new = np.zeros(size), P, 0.0, np.empty(size)
+    H, missed, noise, unused = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
+    compared(s, x, way, mag, grown, H, missed, noise)
     for iteration in range(ITERATIONS):
-        at = moved(x, dx if lost else 0.5 * dx)
-        for k in range(len(mag)):
-            reads = read(at, way, k, h)
-            there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
-            for i in range(3):
-                row = 3 * k + i
-                noise[row, row], missed[row] = 1.0, 0.0
-                for j in range(len(dx)):
-                    H[row, j] = h[i, j] if there else 0.0
-                if there:
-                    noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - (reads[i] if lost else expected[k, i])
-                    for j in range(len(dx) if lost else 0):
-                        missed[row] += h[i, j] * dx[j]
+        compared(s, moved(x, 0.5 * dx), way, mag, grown, H, unused, noise)
         C = P.copy()
         cost = correct(C, missed, H, noise, new)
-        change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
-        share = 0.1 / change if iteration < ITERATIONS - 1 and change > 0.1 else 1.0  # a long step over a field that bends leads astray
-        for i in range(len(dx)):
-            dx[i] += share * (new[i] - dx[i])
-        if change < 0.002:
+        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
+            break
+    return dx, C, cost
+
+
+@inlined
+def sought(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
+    size, rows = len(P), 3 * len(mag)
+    dx, C, cost, new = start.copy(), P, 0.0, np.empty(size)
+    H, missed, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
+    for iteration in range(ITERATIONS):
+        compared(s, moved(x, dx), way, mag, grown, H, missed, noise)
+        for row in range(rows):
+            for j in range(size):
+                missed[row] += H[row, j] * dx[j]
+        C = P.copy()
+        cost = correct(C, missed, H, noise, new)
+        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
     return dx, C, cost
 
