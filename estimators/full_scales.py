@@ -4,7 +4,7 @@ In      samples of a stream, one block; or a whole Recording
 Out     the value at which each sensor clips, or the same recording with the full scales that were found
 Source  smallest and usual full scales: data sheets of MPU-9250 and LSM330DLC; the rule is ours
 Limits  a sensor whose readings were corrected for misalignment clips at no single value, and sensors of one stream may clip at different
-        values: without known full scales neither is bridged, the second is said by sensor_checks.py
+        values: without known full scales neither is bridged by tracking, the second is said by sensor_checks.py and bridged by self-calibration
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,6 +23,7 @@ USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: GR
 LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
 NEAR = 0.02  # of a usual full scale: what a scale error leaves
 OFTEN = 3  # equal largest readings: in a row anywhere, apart only near a usual full scale
+SLOW, PLATEAUS = np.radians(60.0), 3  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
 
 
 def limits(block: Block, quantity: str) -> Array:
@@ -31,14 +32,17 @@ def limits(block: Block, quantity: str) -> Array:
         return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
     values = block.of(quantity)
     furthest = np.maximum(np.fmax.reduce(values, axis=0, initial=0.0), -np.fmin.reduce(values, axis=0, initial=0.0))
-    if (furthest < LEAST[quantity]).all():
+    least = SLOW if quantity == GYR else LEAST[quantity]
+    if (furthest < least).all():
         return np.full(len(furthest), np.inf)
     size = np.abs(values)
     largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
     top = size == largest
-    in_a_row = (top[2:] & top[1:-1] & top[:-2]).any(axis=0)
+    in_a_row = top[2:] & top[1:-1] & top[:-2]
+    plateaus = (np.diff(in_a_row, axis=0, prepend=False) & in_a_row).sum(axis=0)
     usual = (np.abs(largest[..., None] / USUAL[quantity] - 1.0) < NEAR).any(axis=-1)
-    clips = (largest >= LEAST[quantity]) & (in_a_row | (usual & (top.sum(axis=0) >= OFTEN)))
+    clips = (largest >= LEAST[quantity]) & ((plateaus > 0) | (usual & (top.sum(axis=0) >= OFTEN)))
+    clips |= (largest >= least) & (plateaus >= PLATEAUS)
     return np.asarray(np.where(clips, largest, np.inf).min(axis=1))
 
 

@@ -126,7 +126,7 @@ def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array])
     lengths = {s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()}
     turning = so_far.turned / max(so_far.seconds, 1e-9) / np.radians(asked.moving)
     most = min(1.0, turning, so_far.seconds / asked.shortest)
-    return [_of_joint(asked, of, k, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
+    return [_of_joint(asked, of, k, at, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
 
 
 def _whole(of: Limb, step: Step) -> Step:
@@ -143,15 +143,23 @@ def _off(terms: Terms, step: Step, drawn: Step, sd: float, idle: int) -> tuple[f
     return sd**2 * float((left**2).sum()), redundancy
 
 
-def _of_joint(asked: Asked, of: Limb, k: int, sure: Array, lengths: Mapping[int, float], most: float, flexion: Array) -> Observed:
+def _of_joint(
+    asked: Asked, of: Limb, k: int, at: Unknowns, sure: Array, lengths: Mapping[int, float], most: float, flexion: Array
+) -> Observed:
     followed, ends = flexion[np.isfinite(flexion)], (int(of.links.parents[k]), int(of.links.children[k]))
     excursion = float(np.ptp(np.percentile(followed, SPREAD))) if len(followed) else 0.0
     beside = {s: lengths[s] for s in ends if s in lengths}
     good = [asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd for s, sd in beside.items()]
-    starts = [arms.start + 3 * k for arms in (columns(of.links).far, columns(of.links).near)]
-    place = max(float(np.sqrt(np.trace(sure[at : at + 3, at : at + 3]))) for at in starts)
+    c = columns(of.links)
+    place = max(_place_sd(sure, arms.start + 3 * k, arm) for arms, arm in ((c.far, at.far[k]), (c.near, at.near[k])))
     share = min(most, excursion / (SAFE * np.radians(asked.bent)), 1e-3 * asked.place_known / place, *good)
     return Observed(of.links.joints[k], max(beside.values(), default=place), excursion, float(share))
+
+
+def _place_sd(sure: Array, row: int, arm: Array) -> float:
+    """Of a joint from a sensor that sits as the mounting has it, m: the arm's, and what the mounting turns it by."""
+    arm_sd = float(np.sqrt(np.trace(sure[row : row + 3, row : row + 3])))
+    return float(np.hypot(arm_sd, np.radians(Noise().mounting) * np.linalg.norm(arm)))
 
 
 def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:

@@ -120,7 +120,7 @@ def _calibrated(
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    words.require_one_minimum(params, finger, found)
+    words.require_one_minimum(params, finger, read, found)
     return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators import full_scales
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, every
+from estimators.samples import ACC, GYR, SATURATION, Block, beyond, every
 from estimators.self_calibration.problem import Chain, Readings, chain
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
@@ -55,8 +56,10 @@ def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -
 
 
 def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
-    """Which samples (n,) of a sensor are whole and not at its limit."""
-    return np.asarray(every(np.isfinite(block.of(quantity)[:, k])) & ~block.at_limit(quantity)[:, k])
+    """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
+    values = block.of(quantity)[:, k : k + 1]
+    clipped = beyond(values, SATURATION * full_scales.limits(block, quantity)[k : k + 1])[:, 0]
+    return np.asarray(every(np.isfinite(values[:, 0])) & ~clipped)
 
 
 def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:

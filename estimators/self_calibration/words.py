@@ -14,11 +14,12 @@ from estimators.hand_anatomy import CHAINS
 from estimators.self_calibration import findings, steadiness
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import LIMBS, Problem, Readings
-from estimators.self_calibration.recordings import LONGEST_GAP, Hole
+from estimators.self_calibration.recordings import DOUBTFUL, LONGEST_GAP, Hole
 from estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, as durations are said
 LEFT_OUT = 3.0  # s of a recording that are not worth a word
+LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
 NAMED = 3  # sensors with most gaps
 
 
@@ -73,9 +74,11 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
         )
 
 
-def require_one_minimum(asked: Asked, finger: str, found: Solution) -> None:
-    """InputError where a sensor slipped or the solver did not come to an end: what was found then is of no hand."""
+def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution) -> None:
+    """InputError where a gyroscope was at its limit too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand."""
     slipped = steadiness.slips(found)
+    if slipped or found.outcome != "converged":
+        _require_rates(finger, read, found)
     if slipped:
         first = slipped[0]
         raise InputError(
@@ -88,6 +91,17 @@ def require_one_minimum(asked: Asked, finger: str, found: Solution) -> None:
                 f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
         raise InputError(f"{finger}: the calibration did not come to an end; record 40 s of free movement again; it is not calibrated")
+
+
+def _require_rates(finger: str, read: Readings, found: Solution) -> None:
+    """InputError where the reason is that gyroscopes turned faster than they can tell."""
+    lacking = (read.gyr_doubt >= DOUBTFUL).mean(axis=0)
+    worst = int(np.argmax(lacking))
+    if lacking[worst] > LACKING:
+        raise InputError(
+            f"{finger}: the gyroscope of {found.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
+            " set a larger range, or move more slowly, and record again; it is not calibrated"
+        )
 
 
 def told(asked: Asked, finger: Finger) -> list[str]:

@@ -29,7 +29,7 @@ def _swinging(peak: float) -> np.ndarray:
     return np.radians(peak) * np.sin(2 * np.pi * 2.0 * np.arange(500) / 100.0)
 
 
-@pytest.mark.parametrize("limit", [500.0, 1870.0])
+@pytest.mark.parametrize("limit", [150.0, 500.0, 1870.0])
 def test_equal_largest_readings_in_a_row_are_a_limit(limit: float) -> None:
     block = _block(_swinging(1.5 * limit))
     clipped = replace(block, values=np.clip(block.values, -np.radians(limit), np.radians(limit)))
