@@ -14,7 +14,10 @@ unexport PYTHONDONTWRITEBYTECODE
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
 
-test: check tests
+# The estimators are translated while what needs no translation is checked: each keeps a core
+test:
+	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
+	@$(MAKE) --no-print-directory tests
 
 # Lint, format, types; the import directions and the docs are tests. What the audit finds is said and stops nobody: `make audit` does
 check: $(VENV)/develops
@@ -28,7 +31,7 @@ audit: $(VENV)/develops
 	.ci/audit $(BIN)
 
 # The journeys have both cores to themselves: the browser draws without a graphics card
-tests: $(VENV)/develops browser
+tests: $(VENV)/runs $(VENV)/develops browser
 	$(BIN)/pytest -n 2 --dist worksteal --ignore tests/journeys
 	$(BIN)/pytest tests/journeys
 
@@ -42,38 +45,41 @@ bench: $(VENV)/runs
 # uv installs from its cache in seconds; where it cannot reach the package index as this machine's pip does, pip installs the same lock
 INSTALL = $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1) 2>/dev/null || $(BIN)/python -m pip install --quiet --require-hashes -r $(1)
 
-$(VENV)/runs: requirements.lock requirements-uv.lock pyproject.toml
+$(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Handscope needs Python 3.11 or newer: make PYTHON=python3.x")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	-$(BIN)/python -m pip install --quiet --require-hashes -r requirements-uv.lock
 	$(call INSTALL,requirements.lock)
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/runs: $(VENV)/installed
 	@echo "translating the estimators to machine code, once ..."
 	$(BIN)/python -m app.translation
 	@touch $@
 
-$(VENV)/develops: $(VENV)/runs requirements-dev.lock
+$(VENV)/develops: $(VENV)/installed requirements-dev.lock
 	$(call INSTALL,requirements-dev.lock)
 	@touch $@
 
 # The locks hold names, versions and hashes, no address
-lock: $(VENV)/runs
+lock: $(VENV)/installed
 	printf 'setuptools>=80\n' > $(VENV)/build.in
 	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements.lock
 	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --extra dev --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-dev.lock
 	printf 'uv\n' | $(BIN)/uv pip compile - --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-uv.lock
 
 # A hundred kills of the server at work; bad input for MINUTES a reader; two hours of a glove at 17 x 200 Hz
-faults: $(VENV)/develops
+faults: $(VENV)/runs $(VENV)/develops
 	HANDSCOPE_KILLS=100 $(BIN)/pytest tests/faults -s
 
 MINUTES ?= 5
-fuzz: $(VENV)/develops
+fuzz: $(VENV)/runs $(VENV)/develops
 	$(BIN)/python -c "import atheris" 2>/dev/null || $(BIN)/python -m pip install --quiet 'atheris>=3,<4'
 	$(BIN)/python -m tests.fuzz.run --seconds $$(( $(MINUTES) * 60 ))
 	HANDSCOPE_API_ROUNDS=$$(( $(MINUTES) * 20 )) $(BIN)/pytest tests/fuzz/test_api.py
 
-soak: $(VENV)/develops
+soak: $(VENV)/runs $(VENV)/develops
 	HANDSCOPE_SOAK=7200 $(BIN)/pytest tests/faults/test_soak.py -s
 
 clean:
