@@ -153,6 +153,8 @@ def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
     thin = slice(None, None, max(1, round(rate / REPLAY_RATE)))
     buffer = io.BytesIO()
     small = {"angles": moved.angles[thin], "q_GH": moved.q_GS[thin, SEGMENT["hand"]], "tips": moved.tips[thin]}
+    if moved.forces is not None:
+        small["forces"] = moved.forces[thin]
     arrays = {name: values.astype(np.float32) for name, values in small.items()}
     np.savez_compressed(buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays)
     path = store.path_of(replay_file(result_id))
@@ -161,7 +163,7 @@ def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
 
 
 def load_replay(store: Store, result: Result) -> dict[str, Any]:
-    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags; made anew where its file is gone."""
+    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags, where they were measured forces (n, 5, 3); made anew where its file is gone."""
     path = kept_files.at_hand(store, replay_file(result.id))
     if not path.exists():
         save_replay(store, result.id, computed(store, result)[1].trajectory)

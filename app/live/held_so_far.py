@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from estimators.calibration import Calibration
 from estimators.force import fingertip_forces
 from estimators.force.fingertip_forces import ForceParams
 from estimators.measures.in_hand import SO_FAR
+from estimators.quaternions import Array
 from estimators.samples import FORCE
 
 log = logging.getLogger(__name__)
 PAUSE = 0.7  # s between two estimates
+NOW = 0.5  # s before the newest sample: force sensors tell twelve times a second
 BEFORE = 4.0  # s before a task in which the empty hand tells the force sensors' zeros
 UNITS = {"mass": ("kg", 1.0), "stiffness": ("N/mm", 1e-3)}
 
@@ -29,11 +32,12 @@ class HeldSoFar:
         self._newest = -np.inf  # host's clock
         self._told: dict[str, Any] | None = None
         self._task, self._onset = "", np.inf  # that is told of
+        self._zeros: Mapping[str, Array] = {}  # of the force sensors, by finger
 
     def follow(self, task: str, onset: float) -> None:
         """Estimate again where a task is on that weighs or squeezes something and the last estimate is old; never waits."""
         if onset != self._onset:
-            self._task, self._onset, self._told = task, onset, None
+            self._task, self._onset, self._told, self._zeros = task, onset, None, {}
         calibration = self._tracking.calibration
         waits = self._thread is not None and self._thread.is_alive()
         if task in SO_FAR and calibration and not waits and time.monotonic() - self._newest > PAUSE:
@@ -44,6 +48,16 @@ class HeldSoFar:
     def told(self, task: str | None) -> dict[str, Any] | None:
         """A live number with its standard deviation; None before anything is known, and of another task."""
         return self._told if task == self._task else None
+
+    def pushes(self, task: str | None) -> Array | None:
+        """What the fingertips push with now (5, 3), N in the global frame; None while no task is on in which that is known."""
+        calibration, now = self._tracking.calibration, self._tracking.newest_sample()
+        if task != self._task or not self._zeros or calibration is None:
+            return None
+        rows = self._tracking.past(now - NOW)
+        if not len(rows):
+            return None
+        return fingertip_forces.newest(self._zeros, rows, self._tracking.samples(now - NOW), self._tracking.mounting, [calibration])
 
     def _estimate(self, task: str, onset: float, calibration: Calibration) -> None:
         try:
@@ -59,6 +73,7 @@ class HeldSoFar:
         rows = self._tracking.past(onset - BEFORE)
         if not len(rows) or not any(FORCE in b.stream.quantities for b in blocks):
             return None
+        self._zeros = fingertip_forces.zeros(ForceParams(), blocks)
         felt, _ = fingertip_forces.attached(ForceParams(), rows, blocks, self._tracking.mounting, [calibration])
         name, estimate = SO_FAR[task]
         running = estimate(felt.between(onset, np.inf), self._tracking.geometry)

@@ -172,6 +172,8 @@ class Replay:
         k = _row(self._movement, self.t)
         with self.scene.picture():
             self.scene.show(self._movement["angles"][k].astype(float), self._movement["q_GH"][k].astype(float))
+            if "forces" in self._movement:
+                self.scene.forces(self._movement["forces"][k].astype(float))
             if self.beside:
                 self._draw_beside(self.beside, self.beside.row(self.t))
 

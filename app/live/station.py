@@ -190,11 +190,12 @@ class Station:
         time.sleep(self.tracking.feed(blocks))
 
     def _place(self) -> None:
-        """Where the hand is, seen from the trunk."""
+        """Where the hand is, seen from the trunk, and what its fingertips push with."""
         a = self.glove.assembler
         self.whereabouts.follow(a.plate, list(a.streams.values()), a.mounting)
         if (at := self.whereabouts.latest) is not None:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
+        self.scene.forces(self.held.pushes(self._wizard.task if self._wizard.state is State.TASK_RUN else None))
 
     def _posed(self, rows: Trajectory) -> None:
         """In the tracker's thread: remember the curve, tell of the newest pose, draw it."""

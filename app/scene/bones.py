@@ -47,6 +47,12 @@ def chain(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
     return np.stack(orientations, axis=-2), np.stack(places, axis=-2)
 
 
+def tips(angles: Array, geometry: HandGeometry) -> Array:
+    """Where the fingers end (..., 5, 3) in the hand's frame, m, of angles (..., joints, 3), all known."""
+    q, places = chain(angles, geometry)
+    return np.asarray(places[..., 2, :] + quat.rotate(q[..., 2, :], geometry.chain_offsets()[:, 2]))
+
+
 def rest(geometry: HandGeometry) -> Array:
     """Where the bones' joints are while the skin is bound (bones, 3), m."""
     _, places = chain(BOUND, geometry)

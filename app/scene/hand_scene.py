@@ -15,6 +15,7 @@ from viser import ClientHandle
 
 from app.scene import bones, palette, postures, stage, view
 from app.scene.drawn_hand import DrawnHand
+from app.scene.force_arrows import ForceArrows, in_hand
 from app.scene.guarded_server import make_server, quiet, renumber
 from app.scene.hand_beside import BESIDE, HandBeside
 from app.scene.hand_mesh import hand_mesh
@@ -45,6 +46,9 @@ class HandScene:
         self._measured = frozenset(FINGERS)
         self._ghost_is_whole = False
         self._map: ReachMap | None = None  # drawn once a place is told
+        self._arrows: ForceArrows | None = None  # drawn once forces are told
+        self._forces: Array | None = None
+        self._shown = postures.relaxed(), quat.IDENTITY  # angles and orientation
         self._server, self.secret = make_server()
         self.port: int = self._server.get_port()
         with self._server.atomic():
@@ -90,6 +94,8 @@ class HandScene:
         pose = bones.pose(postures.filled(angles), self._geometry)  # before the lock: nothing is sent to anybody while it is held
         with self._lock, self._server.atomic():
             self._own.bend(*pose)
+            self._shown = postures.filled(angles), self._shown[1] if q_GH is None or np.isnan(q_GH).any() else q_GH
+            self._push()
             if q_GH is not None and not np.isnan(q_GH).any():
                 if self._q_DG is None:
                     self._q_DG = view.heading_removed(q_GH, self._hand)
@@ -147,6 +153,14 @@ class HandScene:
                 self._map = ReachMap(self._server)
             self._map.show(place, sd, doubtful)
 
+    def forces(self, forces: Array | None) -> None:
+        """Draw what the fingertips of the hand shown last push with, (5, 3) N in the global frame; None takes the arrows away."""
+        with self._lock, self._server.atomic():
+            if self._arrows is None and forces is not None:
+                self._arrows = ForceArrows(self._server, "/hand", self._geometry, view.units_per_metre(self._geometry))
+            self._forces = forces
+            self._push()
+
     def highlight(self, segment: str | None) -> None:
         """Light the skin of one segment of hand_anatomy.SEGMENTS, or none."""
         assert segment is None or segment in SEGMENT
@@ -192,6 +206,12 @@ class HandScene:
 
     def _draw(self, drawn: DrawnHand, angles: Array) -> None:
         drawn.bend(*bones.pose(postures.filled(angles), self._geometry))
+
+    def _push(self) -> None:
+        """The arrows at the fingertips as the hand is shown."""
+        if self._arrows is not None:
+            angles, q_GH = self._shown
+            self._arrows.show(None if self._forces is None else in_hand(self._forces, q_GH), angles)
 
     def _ghost_parts(self) -> tuple[str, ...]:
         """Names of the ghost's meshes of the kind wanted; they are sent to viewers when they are first needed."""

@@ -30,6 +30,7 @@ INK: Colour = (40, 48, 58)
 GROUND: Colour = (206, 212, 218)
 GROUND_SECTION: Colour = (184, 192, 200)
 TRAIL: Colour = (0, 114, 178)
+FORCE: Colour = (176, 26, 4)
 FADED: Colour = (222, 228, 234)
 
 

@@ -70,6 +70,10 @@ class SceneApart:
     def place(self, place: Array, sd: Array, doubtful: bool) -> None:
         self._wish("place", place, sd, doubtful)
 
+    def forces(self, forces: Array | None) -> None:
+        if forces is not None or self._known.get("forces", (None,))[0] is not None:  # no arrows there are anyhow
+            self._wish("forces", forces)
+
     def highlight(self, segment: str | None) -> None:
         self._wish("highlight", segment)
 

@@ -106,6 +106,37 @@ def attached(
     return twisted, [*_said(fingers, flags, moved.t, found), *doubts]
 
 
+def zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
+    """By finger what its sensor reads of nothing at its newest sample, N (3,) in the sensor's frame."""
+    found = {}
+    for sensor in _sensors(blocks):
+        values = sensor.block.of(FORCE)
+        noise = interpolation.noise_of(sensor.block.t, values)
+        found[sensor.finger] = zero.found(params, sensor.block.t, values, noise).level[-1, 0]
+    return found
+
+
+def newest(
+    zeros: Mapping[str, Array],
+    moved: Trajectory,
+    blocks: Sequence[Block],
+    mounting: Mapping[str, Array],
+    calibrations: Sequence[Calibration],
+) -> Array:
+    """Forces (5, 3) N of the newest samples in the global frame, as the trajectory's last row has the fingertips; NaN of what is not known.
+
+    For the eye: at once and without what a grasp tells of the tips' orientations.
+    """
+    fingers, told = list(zeros), np.full((len(FINGERS), 3), np.nan)
+    q_GF, _, _ = _cuffs(moved.between(moved.t[-1], np.inf), (), mounting, calibrations, fingers)
+    for block in blocks:
+        for k, point in enumerate(block.stream.sensors if FORCE in block.stream.quantities else ()):
+            if (finger := point.removesuffix("_tip_force")) in zeros:
+                own = quat.rotate(q_GF[0, fingers.index(finger)], block.of(FORCE)[-1, k] - zeros[finger])
+                told[FINGERS.index(finger)] = own
+    return told
+
+
 @dataclass(frozen=True)
 class _Spread:
     """From the fingers with a sensor to all five."""

@@ -252,6 +252,22 @@ def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(page: Page, scene
     seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
 
 
+def test_what_fingertips_push_with_is_an_arrow_each(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    arrow = lambda p: (p.rgb[..., 0] > 150) & (p.rgb[..., 1] < 0.62 * p.rgb[..., 0]) & (p.rgb[..., 2] < 70)  # noqa: E731
+    seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
+    forces, level = np.full((5, 3), np.nan), view.palm_down("left")
+    scene.show(postures.relaxed(), level)
+    forces[FINGERS.index("index")] = quat.rotate(level, np.array([0.0, 8.0, 0.0]))  # along the fingers, away from the viewer
+    forces[FINGERS.index("thumb")] = 0.1  # N: what is left of a zero
+    scene.forces(forces)
+    one = settled(page, lambda p: arrow(p).sum() > 40)
+    forces[FINGERS.index("thumb")] = quat.rotate(level, np.array([0.0, 0.0, 8.0]))
+    scene.forces(forces)
+    seen(page, lambda p: arrow(p).sum() > 1.4 * arrow(one).sum(), tmp_path / "forces.png")
+    scene.forces(None)
+    seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
+
+
 def test_an_instruction_is_written_and_replaced(page: Page, scene: HandScene, tmp_path: Path) -> None:
     ink = lambda p: (p.rgb.max(axis=-1) < 60)[: len(p.rgb) // 4]  # noqa: E731
     seen(page, lambda p: hand_like(p) and ink(p).sum() == 0)

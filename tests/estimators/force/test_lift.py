@@ -66,6 +66,20 @@ def heavy_moved() -> Processed:
     return followed(heavy()[0])
 
 
+def test_forces_for_the_eye_are_near_the_truth_at_once() -> None:
+    (made, true), moved = heavy(), heavy_moved()
+    onset = next(e.onset for e in made.events if e.trial_type == "task")
+    held = onset + 4.0
+    before = [b.between(onset - 4.0, held) for b in made.blocks()]
+    rows = moved.trajectory.between(held - 0.5, held)
+    zeros = fingertip_forces.zeros(ForceParams(), before)
+    told = fingertip_forces.newest(zeros, rows, before, made.mounting, moved.calibrations)
+    expected = true[np.searchsorted(made.truth.t, held)]
+    assert np.linalg.norm(expected[:2], axis=1).min() > 2.0  # N
+    assert np.linalg.norm(told[:2] - expected[:2], axis=1).max() < 0.15 * np.linalg.norm(expected[:2], axis=1).max()
+    assert np.isnan(told[2:]).all()  # fingers without a force sensor
+
+
 def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> None:
     """M = r x F with r fixed in each sensor: no part along the force, and as large as the lever makes it; as sure as they say."""
     (made, _), moved = heavy(), heavy_moved().trajectory

@@ -1,0 +1,53 @@
+"""Arrows at the fingertips: what each of them pushes with, and which way.
+
+In      forces (5, 3) N that the fingertips exert, joint angles (joints, 3) rad, all known; the hand's frame
+Out     scene units: a newton is LENGTH metres of the hand
+"""
+
+import numpy as np
+from viser import ViserServer
+
+from app.scene import bones, palette
+from estimators import quaternions as quat
+from estimators.hand_anatomy import FINGERS
+from estimators.hand_geometry import HandGeometry
+from estimators.quaternions import Array
+
+LENGTH = 0.008  # m a newton: a pinch of 5 N is as long as two phalanges
+LEAST = 0.3  # N, below which nothing is drawn: what is left of a free sensor's zero
+
+
+class ForceArrows:
+    """Below the hand's frame `name`, whose parts are `scale` scene units a metre. For one thread at a time, within the scene's lock."""
+
+    def __init__(self, server: ViserServer, name: str, geometry: HandGeometry, scale: float) -> None:
+        self._geometry, self._scale = geometry, scale
+        self._arrows = {
+            finger: server.scene.add_arrows(
+                f"{name}/force_{finger}",
+                np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], np.float32),
+                palette.FORCE,
+                shaft_radius=0.004 * scale,
+                head_radius=0.009 * scale,
+                head_length=0.016 * scale,
+                visible=False,
+            )
+            for finger in FINGERS
+        }
+
+    def show(self, forces: Array | None, angles: Array) -> None:
+        """Forces in the hand's frame; a force that is not known (NaN) or hardly any has no arrow."""
+        if forces is None:
+            for arrow in self._arrows.values():
+                arrow.visible = False
+            return
+        tips = bones.tips(angles, self._geometry)
+        for arrow, tip, force in zip(self._arrows.values(), tips, forces):
+            arrow.visible = bool(np.linalg.norm(force) >= LEAST)
+            if arrow.visible:
+                arrow.points = (self._scale * np.array([[tip, tip + LENGTH * force]])).astype(np.float32)
+
+
+def in_hand(forces: Array, q_GH: Array) -> Array:
+    """Forces (5, 3) of the global frame in the hand's, which is turned as q_GH (4,)."""
+    return quat.rotate(quat.conjugate(q_GH), forces)
