@@ -68,8 +68,12 @@ def test_a_trunk_and_a_magnet_tell_where_the_hand_reaches_through_the_wire() -> 
     setting = hand_place.setting(hand_place.PlaceParams(), assembler.plate, list(assembler.streams.values()), assembler.mounting)
     assert setting is not None
     places = hand_place.followed(setting, whole_streams(blocks))
-    forward = places.place[places.t > 2.0, 0]
-    assert np.ptp(forward) == pytest.approx(0.24, abs=0.05)
+    forward, sd = places.place[:, 0], places.sd[:, 0]
+    resting, reached = ((places.t > a) & (places.t < b) for a, b in ((6.0, 8.0), (4.0, 5.0)))
+    assert np.median(forward[reached]) - np.median(forward[resting]) == pytest.approx(0.24, abs=0.02)
+    assert (
+        np.abs(np.ptp(forward) - 0.24) < 4 * sd.max() < 0.08
+    )  # in the first swing, from which the magnetometers' lateness is learnt, it is least sure
     assert (places.flags[places.t > 2.0] == 0).mean() > 0.95
 
 
