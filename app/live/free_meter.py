@@ -36,6 +36,7 @@ class FreeMeter:
         self._fingers: dict[str, tuple[Limb, Told]] = {}
         self._flexion: list[Array] = []
         self._thread: threading.Thread | None = None
+        self._whole: tuple[Observed, ...] = ()  # of the best stretch before the newest hole
         self.observed: tuple[Observed, ...] = ()
 
     @property
@@ -58,17 +59,29 @@ class FreeMeter:
             if calibration is None or not len(rows):
                 return
             blocks = [b.between(start, stop) for b in self._tracking.samples(start) if b.stream.inertial]
+            blocks = [b for b in blocks if len(b.t) > 2]
+            if recordings.holes(blocks, start, stop):
+                self._begin_anew()
+                return
             self._flexion.append(rows.angles[::THIN, :, FLEXION])
-            self._take_in(calibration, rows, [b for b in blocks if len(b.t) > 2])
+            self._take_in(calibration, rows, blocks)
         except Exception:  # the station goes on, and the movement, too
             log.exception("what free movement tells could not be followed")
+
+    def _begin_anew(self) -> None:
+        """Self-calibration looks at the longest stretch without holes: this one is over."""
+        self._whole = self.observed
+        self._fingers, self._flexion = {f: (limb, joint_observability.nothing(limb)) for f, (limb, _) in self._fingers.items()}, []
 
     def _take_in(self, calibration: Calibration, rows: Trajectory, blocks: Sequence[Block]) -> None:
         worn = {s for b in blocks for s in b.stream.sensors}
         for finger, links in CHAINS.items():
             if finger not in self._fingers and {"hand", links[0]} <= worn:
                 limb = joint_observability.limb(finger, sorted(worn), self._tracking.geometry, calibration.q_BS)
-                self._fingers[finger] = limb, joint_observability.nothing(limb)
+                if silent := _silent(limb, blocks):  # self-calibration goes on without them, too
+                    limb = joint_observability.limb(finger, sorted(worn - set(silent)), self._tracking.geometry, calibration.q_BS)
+                if limb.links.joints:
+                    self._fingers[finger] = limb, joint_observability.nothing(limb)
         flexion, found = np.concatenate(self._flexion), list[Observed]()
         for finger, (limb, before) in self._fingers.items():
             told = _told(calibration, limb, before.noise, rows, blocks)
@@ -76,16 +89,25 @@ class FreeMeter:
             self._fingers[finger] = limb, so_far
             of_joints = {joint: flexion[:, JOINT[joint]] for joint in limb.links.joints}
             found += joint_observability.observed(Asked(), limb, so_far, of_joints)
-        self.observed = tuple(found)
+        self.observed = max(self._whole, tuple(found), key=_worth)
+
+
+def _worth(observed: Sequence[Observed]) -> float:
+    """By what stretches are put in order: the share of the joint that lacks most."""
+    return min((o.share for o in observed), default=0.0)
+
+
+def _silent(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
+    """Which of the limb's sensors give less than half of their samples, and those behind the first of them."""
+    return recordings.speaking(blocks, limb.links, -np.inf, np.inf)[1]
 
 
 def _told(calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]) -> Told | None:
     """What a stretch tells of a finger; nothing where one of its sensors is silent or not followed."""
-    start, stop = max(b.t[0] for b in blocks), min(b.t[-1] for b in blocks)
-    silent = recordings.speaking(blocks, limb.links, start, stop)[1]
-    if silent or not {s for b in blocks for s in b.stream.sensors} >= set(limb.links.sensors):
+    own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
+    if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(limb, own):
         return None
-    t, read = recordings.readings(blocks, limb.links.sensors, start, stop)
+    t, read = recordings.readings(own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own))
     row = min(int(np.searchsorted(rows.t, t[0])), len(rows) - 1)
     q_GS = np.stack([quat.multiply(rows.q_GS[row, SEGMENT[s]], calibration.q_BS.get(s, quat.IDENTITY)) for s in limb.links.sensors])
     return joint_observability.told(limb, read, q_GS, noise) if np.isfinite(q_GS).all() else None

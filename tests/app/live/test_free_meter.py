@@ -76,6 +76,25 @@ def test_a_sensor_that_falls_silent_tells_nothing_more(followed: Followed) -> No
     assert all(a.share <= 0.5 for a in after)
 
 
+def test_a_strip_that_is_unplugged_costs_neither_the_others_nor_the_log(followed: Followed, caplog: pytest.LogCaptureFixture) -> None:
+    before = moved(followed, 6.1).observed
+    strip = followed.made.samples["index"]
+    followed.made = replace(followed.made, samples={**followed.made.samples, "index": strip.between(0.0, 5.9)})
+    after = moved(followed, 10.1).observed
+    assert [o.joint for o in after] == [o.joint for o in before]
+    assert all(a.share <= b.share + 0.05 for a, b in zip(after, before))
+    assert not caplog.records
+
+
+def test_movement_before_and_after_a_hole_is_not_added_up(followed: Followed) -> None:
+    strip = followed.made.samples["index"]
+    holed = np.where(((strip.t > 8.0) & (strip.t < 8.2))[:, None, None], np.nan, strip.values)
+    followed.made = replace(followed.made, samples={**followed.made.samples, "index": replace(strip, values=holed)})
+    at_hole, after = moved(followed, 8.6).observed, moved(followed, 13.6)
+    assert not after.enough, "self-calibration takes the longest part, six seconds"
+    assert min(o.share for o in after.observed) >= min(o.share for o in at_hole) > 0.2
+
+
 def test_before_any_pose_and_when_it_fails_the_station_goes_on(
     followed: Followed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
