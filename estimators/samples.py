@@ -4,7 +4,7 @@ A stream is a set of sensors sampled together: one tracking system of a Motion-B
 and clock; times in blocks are seconds from the start of the recording. Values are in each sensor's own frame; NaN is a missing sample.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -128,3 +128,16 @@ beyond_row = beyond.row  # as other kernels call it
 def join(blocks: list[Block]) -> Block:
     """One block of consecutive blocks of the same stream."""
     return Block(blocks[0].stream, np.concatenate([b.t for b in blocks]), np.concatenate([b.values for b in blocks]))
+
+
+def joined(blocks: Sequence[Block]) -> list[Block]:
+    """Consecutive blocks of the same stream as one; a stream that was described anew in between is another one."""
+    runs: list[list[Block]] = []
+    newest: dict[str, list[Block]] = {}  # by name
+    for block in blocks:
+        run = newest.get(block.stream.name)
+        if run is None or run[0].stream != block.stream:
+            run = newest[block.stream.name] = []
+            runs.append(run)
+        run.append(block)
+    return [join(run) for run in runs]

@@ -27,7 +27,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.processing import with_known
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, join
+from estimators.samples import ACC, GYR, Block, join, joined
 from estimators.trajectory import Flag, Trajectory
 
 log = logging.getLogger(__name__)
@@ -175,7 +175,7 @@ class Tracking:
     def samples(self, onset: float) -> list[Block]:
         """Samples kept of an instant and later, one block a stream."""
         with self._lock:
-            kept = [[b for b in blocks if b.t[-1] >= onset] for blocks in self._samples.values()]
+            kept = [list(takewhile(lambda b: b.t[-1] >= onset, reversed(blocks)))[::-1] for blocks in self._samples.values()]
         return [join(blocks) for blocks in kept if blocks]
 
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
@@ -219,7 +219,8 @@ class Tracking:
     def past(self, start: float, stop: float = np.inf) -> Trajectory:
         """The trajectory that was shown between two instants."""
         with self._lock:
-            pieces = [p for p in self._poses if len(p) and p.t[-1] >= start and p.t[0] < stop]
+            late = takewhile(lambda p: not len(p) or p.t[-1] >= start, reversed(self._poses))
+            pieces = [p for p in late if len(p) and p.t[0] < stop][::-1]
         return trajectory.join(pieces, self.hand).between(start, stop)
 
     def trail(self, seconds: float) -> Array:
@@ -235,7 +236,7 @@ class Tracking:
         """Give out what the method still holds back: nothing more will come."""
         with self._lock:
             if self._state is not None:
-                self._take(_joined(self._queue))
+                self._take(joined(list(self._queue)))
                 self._queue.clear()
                 self._state, rest = self.method.finish(self.params, self._state)
                 rest = self._doubted(rest)
@@ -250,11 +251,11 @@ class Tracking:
                 self._wake.wait_for(lambda: self._queue or self._stop)
                 if self._stop:
                     return
-                blocks = _joined(self._queue)
+                waited = list(self._queue)
                 self._queue.clear()
             began, computed = time.monotonic(), time.thread_time()
             with self._lock:
-                newest = self._take(blocks)
+                newest = self._take(joined(waited))
             if newest is not None:
                 self._show(newest)
             self._rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
@@ -358,14 +359,6 @@ def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: 
     for segment in calibration.q_BS if calibration.source == "none" else ():
         flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)
     return flags
-
-
-def _joined(blocks: "deque[Block]") -> list[Block]:
-    """Consecutive blocks of the same stream as one."""
-    by_stream: dict[Any, list[Block]] = {}
-    for block in blocks:
-        by_stream.setdefault((block.stream.name, block.stream.rate), []).append(block)
-    return [join(parts) for parts in by_stream.values()]
 
 
 def _latest(blocks: "deque[Block]", seconds: float) -> list[Block]:

@@ -14,7 +14,7 @@ from estimators.errors import InputError
 from estimators.functional_steps import STEPS
 from estimators.hand_anatomy import SEGMENT
 from estimators.methods import m2
-from estimators.samples import Block, Event
+from estimators.samples import Block, Event, joined
 from estimators.simulation import functional, tasks
 from estimators.simulation.person import drawn
 from estimators.simulation.scenario import performed
@@ -283,6 +283,16 @@ def test_a_dead_sensor_is_named_without_a_pose() -> None:
         tracking.feed(list(samples.values()))
         wait_for(lambda: tracking.newest_sample() > 12.0)
         assert {f.sensor for f in tracking.faults()} == {"ring_distal"}
+
+
+def test_blocks_of_a_stream_that_was_described_anew_are_not_laid_together() -> None:
+    before = in_strips("left").samples["index"]
+    parts = [before.between(k, k + 1.0) for k in range(4)]
+    anew = replace(before.stream, sensors=before.stream.sensors[:2])
+    parts[2:] = [Block(anew, b.t, b.values[:, :2]) for b in parts[2:]]
+    first, second = joined(parts)
+    assert (first.stream, second.stream) == (before.stream, anew)
+    np.testing.assert_array_equal(np.concatenate([first.t, second.t]), before.between(0.0, 4.0).t)
 
 
 def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_than_thirty_times_a_second() -> None:
