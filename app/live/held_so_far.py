@@ -19,7 +19,8 @@ from estimators.samples import FORCE
 log = logging.getLogger(__name__)
 PAUSE = 0.7  # s between two estimates
 NOW = 0.5  # s before the newest sample: force sensors tell twelve times a second
-BEFORE = 4.0  # s before a task in which the empty hand tells the force sensors' zeros
+EMPTY = 0.5  # s of a task in which nothing is gripped yet
+BEFORE = 15.0  # s before a task in which the empty hand tells the force sensors' zeros
 UNITS = {"mass": ("kg", 1.0), "stiffness": ("N/mm", 1e-3)}
 
 
@@ -73,7 +74,8 @@ class HeldSoFar:
         rows = self._tracking.past(onset - BEFORE)
         if not len(rows) or not any(FORCE in b.stream.quantities for b in blocks):
             return None
-        self._zeros = fingertip_forces.zeros(ForceParams(), blocks)
+        if onset == self._onset and not self._zeros:  # from the empty hand: a grip that lasts would pass for a zero
+            self._zeros = fingertip_forces.zeros(ForceParams(), [b.between(onset - BEFORE, onset + EMPTY) for b in blocks])
         felt, _ = fingertip_forces.attached(ForceParams(), rows, blocks, self._tracking.mounting, [calibration])
         name, estimate = SO_FAR[task]
         running = estimate(felt.between(onset, np.inf), self._tracking.geometry)
