@@ -168,8 +168,11 @@ def _with_torques(
         if (block := told.pop(sensor.finger, None)) is not None:
             if fingertip_torques.impossible(block):
                 doubts.append(f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit")
-            if (torque := fingertip_torques.read(block, params.torque_drift, sensor.block.t, read[s].free, felt.t)) is not None:
-                values[:, s], sd[:, s] = torque.values, torque.sd
+            raw = block.of(TORQUE)[:, 0]
+            limited = block.at_limit(TORQUE)[:, 0] | _stuck(raw / fingertip_torques.LEVER)
+            torque = fingertip_torques.read(block, limited, params.torque_drift, sensor.block.t, read[s].free, felt.t)
+            if torque is not None:
+                values[:, s], sd[:, s] = np.where(_around(block.t, limited, felt.t)[:, None], np.nan, torque.values), torque.sd
     if told:
         doubts.append(f"{', '.join(told)}: {UNUSED}")
     if not np.isfinite(values).any():

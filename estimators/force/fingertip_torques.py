@@ -17,8 +17,8 @@ from estimators.samples import TORQUE, Block, beyond
 
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
 IMPOSSIBLE = 5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
+BRIDGED = 0.25  # s to the nearest sample, beyond which no torque is told, as forces count as missing
 LEAST = 8  # samples of a sensor that is used
-LOST = 1.0  # s without a sample, beyond which no torque is told
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Torque:
     sd: Array  # (n,) Nm, of each axis
 
 
-def read(block: Block, drift: float, t: Array, free: NDArray[np.bool_], at: Array) -> Torque | None:
+def read(block: Block, limited: NDArray[np.bool_], drift: float, t: Array, free: NDArray[np.bool_], at: Array) -> Torque | None:
     """The torques of a block with one sensor at the instants `at`; None where there are too few.
 
-    `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
+    `limited` (samples,) are at the end of a range, known or not, and tell nothing; `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
     """
     raw = block.of(TORQUE)[:, 0]
-    values = np.where((block.at_limit(TORQUE)[:, 0] | beyond(raw, IMPOSSIBLE))[:, None], np.nan, raw)
+    values = np.where((limited | beyond(raw, IMPOSSIBLE))[:, None], np.nan, raw)
     if np.isfinite(values).all(axis=1).sum() < LEAST:
         return None
     noise = max(LEVER * float(interpolation.noise_of(block.t, values[:, None] / LEVER)[0]), 1e-6)
@@ -41,7 +41,7 @@ def read(block: Block, drift: float, t: Array, free: NDArray[np.bool_], at: Arra
     level, level_sd = zero.known_from(block.t, values, free[near], noise, drift)
     told = interpolation.brought(block.t, (values - level)[:, None] / LEVER, np.array([noise / LEVER]), at)
     then = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
-    lost = told.distance[:, 0] > LOST
+    lost = told.distance[:, 0] > BRIDGED
     return Torque(np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]), np.hypot(LEVER * told.sd[:, 0], level_sd[then]))
 
 

@@ -38,7 +38,8 @@ class Holding:
     speed: Array  # (n,) m/s upwards
     height: Array  # (n,) m above where it was grasped
     flags: NDArray[np.uint8]  # (n, S)
-    turning: Array | None = None  # (n,) W that the fingertips' torques put into it; None where not every force sensor has six axes
+    turning: Array | None = None  # (n,) W that the fingertips' torques put into it; None where not all of them are known all the time
+    turning_sd: Array | None = None  # (n,) W
 
     @property
     def net(self) -> Array:
@@ -116,18 +117,19 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         distance,
         *_risen(part.t, part.lifting[:, 2] - GRAVITY),
         part.force_flags[:, rows],
-        _turning(part, fingers),
+        *_turning(part, fingers),
     )
 
 
-def _turning(part: Trajectory, fingers: Sequence[str]) -> Array | None:
-    """(n,) W of the torques of all fingertips that hold it, which turn with their distal phalanges."""
+def _turning(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
+    """(n,) W of the torques of all fingertips that hold it, which turn with their distal phalanges, and its standard deviation (n,)."""
     rows = [FINGERS.index(f) for f in fingers]
-    if part.torques is None or len(part) < 3 or not np.isfinite(part.torques[:, rows]).all():
-        return None
+    if part.torques is None or part.torques_sd is None or len(part) < 3 or not np.isfinite(part.torques[:, rows]).all():
+        return None, None
     q = part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]]
     step = quat.log(quat.multiply(q[2:], quat.conjugate(q[:-2]))) / (part.t[2:] - part.t[:-2])[:, None, None]
-    return exchange.turning(part.torques[:, rows], np.concatenate([step[:1], step, step[-1:]]))
+    rates = np.concatenate([step[:1], step, step[-1:]])
+    return exchange.turning(part.torques[:, rows], rates), np.sqrt(((part.torques_sd[:, rows] * rates) ** 2).sum(axis=(1, 2)))
 
 
 def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:

@@ -30,7 +30,6 @@ TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
 PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
 HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
-TURNING_SD = 1e-3  # J: torques within 1 mNm, tips that turn by half a radian on the way, two of them; ours
 NONE = "no force was measured; the glove has no force sensors on the fingertips"
 KINDS = kinds(
     Kind("lift_count", "1", "times that something was lifted", "ours"),
@@ -225,7 +224,9 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     up = off & (h.speed > 0)
     step = float(np.median(np.diff(t)))
     work = float((h.load * h.speed)[up].sum() * step)
-    turned = float(np.nansum(h.turning[up]) * step) if h.turning is not None else np.nan
+    turned, turned_sd = (
+        float(v[up].sum() * step) if v is not None else np.nan for v in (h.turning, h.turning_sd)
+    )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     return {
         "lift_mass": (one.mass, one.mass_sd),
@@ -239,7 +240,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
         "lift_grip_rate": (float(rise.max()), 0.1 * float(rise.max())),
         "lift_height": (height, height_sd),
         "lift_work": (work, abs(work) * float(np.hypot(load_sd / load, height_sd / height))),
-        "lift_work_turning": (turned, TURNING_SD),
+        "lift_work_turning": (turned, turned_sd),
     }
 
 

@@ -98,6 +98,23 @@ def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> Non
     assert abs(f["lift_work_turning"].value) < 0.02 * f["lift_work"].value
 
 
+@pytest.mark.parametrize("told", [True, False], ids=["at a limit that is told", "at a limit that nobody told"])
+def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
+    (made, _), good = heavy(), heavy_moved().trajectory
+    assert good.torques is not None
+    force, limit = made.samples["force"], 6e-3  # Nm
+    values = np.concatenate([force.values[..., :3], np.clip(force.values[..., 3:], -limit, limit)], axis=2)
+    assert np.abs(force.values[..., 3:]).max() > 1.5 * limit
+    block = Block(replace(force.stream, full_scale={TORQUE: limit} if told else {}), force.t, values)
+    blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
+    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    moved, _ = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+    assert moved.torques is not None and moved.torques_sd is not None
+    clipped = np.linalg.norm(good.torques, axis=2) > 9.5e-3  # Nm: the other axes of the thumb's reach 6
+    assert clipped.any() and np.isnan(moved.torques[clipped]).all()
+    assert not [f for f in lift.figures(measured(made, moved)) if f.what == "lift_work_turning" and np.isfinite(f.value)]
+
+
 @pytest.mark.parametrize(
     ("change", "said", "left"),
     [
