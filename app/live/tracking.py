@@ -34,6 +34,7 @@ log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
 PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
+TOGETHER = 128  # pieces of it that are laid together: few large arrays take less memory than many small ones, and the collector of garbage less time
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
@@ -298,6 +299,9 @@ class Tracking:
             return None
         rows = self._doubted(trajectory.join(pieces, self.hand))
         self._poses.append(rows)
+        if len(self._poses) >= TOGETHER and len(self._poses[-TOGETHER]) < TOGETHER:
+            loose = [self._poses.pop() for _ in range(TOGETHER)]
+            self._poses.append(trajectory.join(reversed(loose), self.hand))
         while self._poses and self._poses[0].t[-1] < rows.t[-1] - PAST_POSES:
             self._poses.popleft()
         return rows
