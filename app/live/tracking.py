@@ -237,7 +237,7 @@ class Tracking:
         """Give out what the method still holds back: nothing more will come."""
         with self._lock:
             if self._state is not None:
-                self._take(joined(list(self._queue)))
+                self._take(joined(self._queue))
                 self._queue.clear()
                 self._state, rest = self.method.finish(self.params, self._state)
                 rest = self._doubted(rest)

@@ -91,11 +91,13 @@ class HandScene:
 
         Angles that are not known (NaN) are the resting hand's; an orientation that is not known keeps the one before (at first: palm down).
         """
-        pose = bones.pose(postures.filled(angles), self._geometry)  # before the lock: nothing is sent to anybody while it is held
+        filled = postures.filled(angles)
+        pose = bones.pose(filled, self._geometry)  # before the lock: nothing is sent to anybody while it is held
         with self._lock, self._server.atomic():
             self._own.bend(*pose)
-            self._shown = postures.filled(angles), self._shown[1] if q_GH is None or np.isnan(q_GH).any() else q_GH
-            self._push()
+            self._shown = filled, self._shown[1] if q_GH is None or np.isnan(q_GH).any() else q_GH
+            if self._forces is not None:
+                self._push()
             if q_GH is not None and not np.isnan(q_GH).any():
                 if self._q_DG is None:
                     self._q_DG = view.heading_removed(q_GH, self._hand)

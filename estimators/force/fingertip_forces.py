@@ -110,9 +110,8 @@ def zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
     """By finger what its sensor reads of nothing at its newest sample, N (3,) in the sensor's frame."""
     found = {}
     for sensor in _sensors(blocks):
-        values = sensor.block.of(FORCE)
-        noise = interpolation.noise_of(sensor.block.t, values)
-        found[sensor.finger] = zero.found(params, sensor.block.t, values, noise).level[-1, 0]
+        *_, nothing = _levelled(params, sensor.block)
+        found[sensor.finger] = nothing.level[-1, 0]
     return found
 
 
@@ -224,11 +223,7 @@ def _sensors(blocks: Sequence[Block]) -> list[Sensor]:
 
 def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     """One sensor's force at the instants of the trajectory."""
-    raw = block.of(FORCE)
-    limited = block.at_limit(FORCE)[:, 0] | _stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
-    values = np.where(limited[:, None, None], np.nan, raw)
-    noise = interpolation.noise_of(block.t, values)
-    nothing = zero.found(params, block.t, values, noise)
+    values, limited, noise, nothing = _levelled(params, block)
     told = interpolation.brought(block.t, values - nothing.level, noise, at)
     near = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
     flags = np.zeros(len(at), np.uint8)
@@ -238,6 +233,15 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     lost = told.distance[:, 0] > LOST
     force = np.where(lost[:, None], np.nan, told.values[:, 0])
     return _Read(force, np.hypot(told.sd[:, 0], _zero_sd(nothing, near)), flags, nothing.free[:, 0])
+
+
+def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool_], Array, Zero]:
+    """One sensor's readings (n, 1, 3) without those at a limit, which those are (n,), the noise of one, and what is read of nothing."""
+    raw = block.of(FORCE)
+    limited = block.at_limit(FORCE)[:, 0] | _stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
+    values = np.where(limited[:, None, None], np.nan, raw)
+    noise = interpolation.noise_of(block.t, values)
+    return values, limited, noise, zero.found(params, block.t, values, noise)
 
 
 def _zero_sd(nothing: Zero, near: NDArray[np.int_]) -> Array:
