@@ -10,10 +10,11 @@ import numpy as np
 
 from app.kept_curves import Step, at_other
 from app.live.curve import Curve
+from app.live.told_angles import told_angles
 from app.live.viewers import Viewers
 from app.scene.hand_scene import HandScene
 from estimators.errors import InputError
-from estimators.hand_anatomy import ANGLES, CHAINS, FINGERS, JOINTS, Hand
+from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 
@@ -141,13 +142,7 @@ class Replay:
         return self._viewers.changes
 
     def pulse(self, since: float) -> dict[str, Any]:
-        row = np.degrees(self._movement["angles"][_row(self._movement, self.t)])
-        angles = [
-            {"joint": j.name, "angle": ANGLES[a], "deg": round(float(row[k, a]), 1)}
-            for k, j in enumerate(JOINTS)
-            for a in j.dofs
-            if np.isfinite(row[k, a])
-        ]
+        angles = told_angles(self._movement["angles"][_row(self._movement, self.t)])
         return {"angles": angles, "points": [], "t": round(self.t, 3), "playing": self.playing}
 
     def watch(self, notice: Callable[[], object]) -> Callable[[], None]:

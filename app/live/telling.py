@@ -1,25 +1,23 @@
 """What a page is told about a live station: plain data, clinical words, degrees and millimetres."""
 
 import time
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from app.live import wizard as wz
+from app.live.told_angles import told_angles
 from app.live.wizard import Facts, State, Wizard
 from app.protocols import Protocol
 from estimators.calibration import Calibration
 from estimators.calibration_quality import JointQuality
 from estimators.functional_steps import Piece
-from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
+from estimators.hand_anatomy import SEGMENTS
 from estimators.measures import repetitions, tapping
 
 if TYPE_CHECKING:
     from app.live.station import Station
 
-FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
-MOVING = tuple(np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T)  # where they stand in a row's angles
 SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
 STOPPED = ("Nothing more is recorded", "What was recorded and accepted until then is kept; the trial that ran is not. End the session.")
 PASSIVE = (
@@ -298,10 +296,7 @@ def _joint(j: JointQuality) -> dict[str, Any]:
 
 
 def _angles(station: "Station") -> list[dict[str, Any]]:
-    if station.latest is None:
-        return []
-    row = np.degrees(station.latest.angles[-1][MOVING]).tolist()
-    return [{"joint": joint, "angle": angle, "deg": round(deg, 1)} for (joint, angle), deg in zip(FREEDOMS, row) if isfinite(deg)]
+    return [] if station.latest is None else told_angles(station.latest.angles[-1])
 
 
 def _numbers(station: "Station", w: Wizard, facts: Facts) -> list[dict[str, Any]]:
