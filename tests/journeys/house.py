@@ -3,12 +3,14 @@
 import itertools
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Frame, Locator, Page, expect
+from playwright.sync_api import Frame, Locator, Page, Route, expect
 
 from app.api.access import new_token
 
@@ -80,6 +82,18 @@ def name_port(page: Page, patient_page: str, port: Path) -> None:
     page.locator('input[name="hand"][value="left"]').check()
     page.get_by_role("radio", name="Another port").check()
     page.get_by_label("Port", exact=False).last.fill(str(port))
+
+
+@contextmanager
+def held_back(page: Page, address: str) -> Iterator[None]:
+    """What the pages within ask of this address is sent only at the end of the block; the page that was open is left."""
+    held: list[Route] = []
+    page.goto("about:blank")  # else its own questions would be held in place of the next page's
+    page.route(address, lambda route: held.append(route))
+    yield
+    for route in held:
+        route.continue_()
+    page.unroute(address)
 
 
 def end_session(page: Page) -> None:

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, expect
 
 from app.benchmarks.server_under_test import glove
-from tests.journeys.house import LONG, Server, act, api, end_session, keep_picture, name_port, new_patient, shown
+from tests.journeys.house import LONG, Server, act, api, end_session, held_back, keep_picture, name_port, new_patient, shown
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
@@ -21,20 +21,8 @@ def one_finger(tmp_path: Path) -> Iterator[Path]:
         yield port
 
 
-def begin(page: Page, server: Server, patient: int, port: Path, takes: str = "") -> None:
-    held: list[Route] = []
-    if takes:
-        page.route("**/self-calibrations", lambda route: held.append(route))
-    name_port(page, f"{server.base}/patients/{patient}", port)
-    if takes:
-        page.get_by_role("button", name="Start session").click()  # before the page knows what it has to ask
-        held[0].continue_()
-        page.unroute("**/self-calibrations")
-        shown(page.get_by_text("Choose what is taken over, or nothing."))
-        page.locator(f'input[name="reuse"][value="{takes}"]').check()
-        looked_at(page, "new session")
+def start(page: Page) -> None:
     page.get_by_role("button", name="Start session").click()
-    page.wait_for_url("**/stations/*")
 
 
 def posed(page: Page) -> None:
@@ -47,7 +35,9 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
 ) -> None:
     page = another_page(scene=False, at=None, bypass_csp=True)
     patient = new_patient(page)
-    begin(page, server, patient, one_finger)
+    name_port(page, f"{server.base}/patients/{patient}", one_finger)
+    start(page)
+    page.wait_for_url("**/stations/*")
     shown(act(page, "continue")).click()
     posed(page)
     act(page, "free").click()
@@ -73,7 +63,14 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     (kept,) = api(page, f"/api/patients/{patient}/self-calibrations")
     assert (kept["hand"], kept["withdrawn"]) == ("left", None)
 
-    begin(page, server, patient, one_finger, takes="nothing")
+    with held_back(page, "**/self-calibrations"):
+        name_port(page, f"{server.base}/patients/{patient}", one_finger)
+        start(page)  # before the page knows what it has to ask
+    shown(page.get_by_text("Choose what is taken over, or nothing."))
+    page.locator('input[name="reuse"][value="nothing"]').check()
+    looked_at(page, "new session")
+    start(page)
+    page.wait_for_url("**/stations/*")
     session = api(page, f"/api/stations/{page.url.rsplit('/', 1)[1]}")["session"]
     assert api(page, f"/api/sessions/{session}/reuse")["decided"]["parts"] == "nothing"
 

@@ -5,9 +5,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, expect
 
-from tests.journeys.house import LONG, api, figure, keep_picture, scene_drawn, shown
+from tests.journeys.house import LONG, api, figure, held_back, keep_picture, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
@@ -59,13 +59,12 @@ def _with_unit(recording: bytes, unit: str) -> bytes:
 
 
 def test_a_file_is_sent_no_sooner_than_its_method_can_be_chosen(page: Page, patient: int) -> None:
-    held: list[Route] = []
-    page.route("**/api/methods", lambda route: held.append(route))
-    page.reload()
-    page.get_by_label("Recording file").set_input_files({"name": "letter.zip", "mimeType": "application/zip", "buffer": b"x"})
-    send = page.get_by_role("button", name="Upload and process")
-    expect(send).to_be_disabled()
-    held[0].continue_()
+    address = page.url
+    with held_back(page, "**/api/methods"):
+        page.goto(address)
+        page.get_by_label("Recording file").set_input_files({"name": "letter.zip", "mimeType": "application/zip", "buffer": b"x"})
+        send = page.get_by_role("button", name="Upload and process")
+        expect(send).to_be_disabled()
     expect(send).to_be_enabled()
 
 
