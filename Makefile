@@ -62,12 +62,20 @@ $(VENV)/develops: $(VENV)/installed requirements-dev.lock
 	$(call INSTALL,requirements-dev.lock)
 	@touch $@
 
-# The locks hold names, versions and hashes, no address
+# What a server of a hospital has besides: PostgreSQL, figures for Prometheus, object storage
+$(VENV)/serves: $(VENV)/runs requirements-server.lock
+	$(call INSTALL,requirements-server.lock)
+	@touch $@
+
+# The locks hold names, versions and hashes, no address. The widest comes first: the others take its versions
+LOCK = $(BIN)/uv pip compile --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet
+
 lock: $(VENV)/installed
 	printf 'setuptools>=80\n' > $(VENV)/build.in
-	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml $(VENV)/build.in --extra dev --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-dev.lock
-	printf 'uv\n' | $(BIN)/uv pip compile - --generate-hashes --no-emit-index-url --no-annotate --no-header --universal --python-version 3.11 --quiet -o requirements-uv.lock
+	$(LOCK) pyproject.toml $(VENV)/build.in --extra dev -o requirements-dev.lock
+	$(LOCK) pyproject.toml $(VENV)/build.in --extra postgresql --extra metrics --extra s3 --constraint requirements-dev.lock -o requirements-server.lock
+	$(LOCK) pyproject.toml $(VENV)/build.in --constraint requirements-dev.lock -o requirements.lock
+	printf 'uv\n' | $(LOCK) - -o requirements-uv.lock
 
 # A hundred kills of the server at work; bad input for MINUTES a reader; two hours of a glove at 17 x 200 Hz
 faults: $(VENV)/runs $(VENV)/develops

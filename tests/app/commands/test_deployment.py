@@ -29,3 +29,17 @@ def test_every_health_check_says_how_it_is_run() -> None:
     """Docker refuses the whole file otherwise."""
     told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
     assert [service["healthcheck"]["test"][0] for service in told.values() if "healthcheck" in service] == ["CMD", "CMD"]
+
+
+@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-server.lock"])
+def test_the_tests_run_with_the_versions_that_a_clinic_installs(lock: str) -> None:
+    installed, tested = _versions(ROOT / lock), _versions(ROOT / "requirements-dev.lock")
+    assert {package: versions for package, versions in installed.items() if tested[package] != versions} == {}
+
+
+def _versions(lock: Path) -> dict[str, set[str]]:
+    """One a package, or several for several Pythons."""
+    held: dict[str, set[str]] = {}
+    for package, version in re.findall(r"^([\w.-]+)==(\S+)", lock.read_text(), re.M):
+        held.setdefault(package, set()).add(version)
+    return held
