@@ -7,7 +7,7 @@ COPY --chown=handscope . /home/handscope/app
 USER handscope
 WORKDIR /home/handscope/app
 ENV HANDSCOPE_DATA=/data OPENBLAS_NUM_THREADS=1
-RUN make .venv/runs && .venv/bin/python -m pip install --quiet --no-build-isolation -e '.[postgresql,metrics,s3]'
+RUN make .venv/serves
 VOLUME /data
 EXPOSE 8420
 CMD [".venv/bin/handscope", "serve", "--host", "0.0.0.0"]
