@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,15 @@ def test_the_compose_file_starts_the_server_with_options_that_there_are() -> Non
     example = (ROOT / "deploy" / "env.example").read_text()
     wanted = set(re.findall(r"\$\{(\w+)", (ROOT / "deploy" / "compose.yaml").read_text()))
     assert wanted == set(re.findall(r"^(\w+)=", example, re.M))
+
+
+def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
+    """It starts last: Docker gave the first address to the database, and the proxy could not start."""
+    told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())
+    [addresses] = told["networks"]["inside"]["ipam"]["config"]
+    proxy = ip_address(told["services"]["proxy"]["networks"]["inside"]["ipv4_address"])
+    assert proxy in ip_network(addresses["subnet"])
+    assert proxy not in ip_network(addresses["ip_range"])
 
 
 def test_every_health_check_says_how_it_is_run() -> None:
