@@ -4,6 +4,7 @@ port -> bytes -> recording process (first, always) -> decoder -> blocks -> `on_b
 """
 
 import json
+import logging
 import subprocess
 import sys
 import threading
@@ -22,6 +23,7 @@ from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler
 from sessions.wire.framing import Encoder
 
+log = logging.getLogger(__name__)
 CLOSE_WAIT = 10.0  # s that the recording process gets to finish its file
 
 
@@ -135,11 +137,17 @@ class Glove:
                 worn_on, self._worn_on = self._worn_on, None
                 self.assembler.exchange(worn_on)
                 self._begin()
-            blocks = self.assembler.feed_all(chunks)
+            blocks = self.assembler.feed_all(chunks, self._missed)
             if blocks:
                 self._on_blocks(blocks)
-        except Exception:  # the view may fail, the recording goes on: count it, the station shows it
-            self.decoding_failures += 1
+        except Exception as fault:
+            self._missed(fault)
+
+    def _missed(self, fault: Exception) -> None:
+        """The view may fail, the recording goes on: count it, the station shows it."""
+        if not self.decoding_failures:  # the first stands for all: there may be a hundred a second
+            log.error("what the glove at %s sent is not shown; the recording has it", self._port, exc_info=fault)
+        self.decoding_failures += 1
 
     def _set_state(self, state: GloveState) -> None:
         with self._changed:

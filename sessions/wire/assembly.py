@@ -6,7 +6,7 @@ the base unit sent their samples on; after the device began again, the host's ar
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -88,14 +88,34 @@ class Assembler:
         """Blocks completed by this chunk, at most one a stream; `arrival` is the host's clock in s."""
         return self.feed_all([(arrival, chunk)])
 
-    def feed_all(self, chunks: Iterable[tuple[float, bytes]]) -> list[Block]:
-        """Blocks completed by many (arrival, chunk), at most one a stream; the same samples as from one chunk after the other, sooner."""
+    def feed_all(self, chunks: Iterable[tuple[float, bytes]], failed: Callable[[Exception], object] | None = None) -> list[Block]:
+        """Blocks completed by many (arrival, chunk), at most one a stream; the same samples as from one chunk after the other, sooner.
+
+        A message that fails, by a fault of ours, is left out alone and told to `failed`; the error is raised where nobody is to be told.
+        """
         bursts: dict[int, list[_Burst]] = {}
         for arrival, chunk in chunks:
             for message in self.decoder.feed(chunk):
-                for burst in self._take(message, arrival):
-                    bursts.setdefault(id(burst.reading), []).append(burst)  # a stream described anew is another one
-        return [block for parts in bursts.values() if len((block := self._block(parts)).t)]
+                try:
+                    for burst in self._take(message, arrival):
+                        bursts.setdefault(id(burst.reading), []).append(burst)  # a stream described anew is another one
+                except Exception as fault:
+                    if failed is None:
+                        raise
+                    failed(fault)
+        return [block for parts in bursts.values() for block in self._blocks(parts, failed) if len(block.t)]
+
+    def _blocks(self, bursts: "list[_Burst]", failed: Callable[[Exception], object] | None) -> list[Block]:
+        """The bursts of one stream as one block; where one fails each by itself, without those that do."""
+        try:
+            return [self._block(bursts)]
+        except Exception as fault:
+            if failed is None:
+                raise
+            if len(bursts) > 1:
+                return [block for burst in bursts for block in self._blocks([burst], failed)]
+            failed(fault)
+            return []
 
     @property
     def waiting(self) -> int:

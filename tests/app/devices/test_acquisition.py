@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.devices.glove import Glove
@@ -20,7 +21,12 @@ from app.devices.ports import open_port
 from estimators.errors import InputError
 from estimators.samples import Block, Event
 from sessions import native
+from sessions.wire import assembly
+from sessions.wire.assembly import Assembler
+from sessions.wire.messages import Samples
 from tests.app.devices.virtual import virtual_glove, wait_for
+from tests.glove import SLOTS, frames, whole_session
+from tests.simulated import cut, in_strips
 
 
 @pytest.fixture
@@ -171,3 +177,30 @@ class Cut(io.RawIOBase):
         data = self._data.read(min(self._most, len(buffer)))
         buffer[: len(data)] = data
         return len(data)
+
+
+@pytest.mark.parametrize("fails", ["_sampled", "values_of"])
+def test_what_cannot_be_read_by_a_fault_of_ours_takes_nothing_with_it_that_was_read_together(
+    fails: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Block] = []
+    worn = Glove("nowhere", tmp_path / "r.mcap", {"hand": "left"}, seen.extend)
+    samples = {name: cut(in_strips("left").samples[name], [100])[0] for name in ("hand", "index")}
+    sent = whole_session(samples)
+    bad = next(
+        s.message for s in sent if isinstance(s.message, Samples) and s.message.index == 50 and s.message.stream == 10 + SLOTS["index"]
+    )
+    where = Assembler if fails == "_sampled" else assembly
+    working = getattr(where, fails)
+
+    def failing(*given: Any) -> Any:
+        if bad in given or bad in (given[0] if isinstance(given[0], list) else ()):
+            raise ZeroDivisionError
+        return working(*given)
+
+    monkeypatch.setattr(where, fails, failing)
+    worn._take_chunks([(s.arrival, data) for s, data in zip(sent, frames(s.message for s in sent))])
+    shown = {name: np.concatenate([b.t for b in seen if b.stream.name == name]) for name in samples}
+    assert worn.decoding_failures == 1
+    np.testing.assert_allclose(shown["hand"], samples["hand"].t, atol=2e-9)
+    np.testing.assert_allclose(shown["index"], np.delete(samples["index"].t, slice(50, 50 + bad.count)), atol=2e-9)
