@@ -1,4 +1,4 @@
-"""Arrows at the fingertips: what each of them pushes with, and which way.
+"""Arrows at the fingertips: what each of them pushes with, and which way. How much stands at the arrow's foot: the hand may hide the arrow.
 
 In      forces (5, 3) N that the fingertips exert, joint angles (joints, 3) rad, all known; the hand's frame
 Out     scene units: a newton is LENGTH metres of the hand
@@ -14,6 +14,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
 
 LENGTH = 0.008  # m a newton: a pinch of 5 N is as long as two phalanges
+BEHIND = 0.022  # m from the tip, away from what is pushed, to where the number stands
 LEAST = 0.3  # N, below which nothing is drawn: what is left of a free sensor's zero
 
 
@@ -34,18 +35,24 @@ class ForceArrows:
             )
             for finger in FINGERS
         }
+        self._newtons = {
+            finger: server.scene.add_label(f"{name}/newtons_{finger}", "", visible=False, font_screen_scale=1.4, anchor="center-center")
+            for finger in FINGERS
+        }
 
     def show(self, forces: Array | None, angles: Array) -> None:
         """Forces in the hand's frame; a force that is not known (NaN) or hardly any has no arrow."""
         if forces is None:
-            for arrow in self._arrows.values():
-                arrow.visible = False
-            return
-        tips = bones.tips(angles, self._geometry)
-        for arrow, tip, force in zip(self._arrows.values(), tips, forces):
-            arrow.visible = bool(np.linalg.norm(force) >= LEAST)
+            forces = np.full((len(FINGERS), 3), np.nan)
+        for arrow, newtons, tip, force in zip(
+            self._arrows.values(), self._newtons.values(), bones.tips(angles, self._geometry), forces, strict=True
+        ):
+            size = float(np.linalg.norm(force))
+            arrow.visible = newtons.visible = size >= LEAST
             if arrow.visible:
                 arrow.points = (self._scale * np.array([[tip, tip + LENGTH * force]])).astype(np.float32)
+                newtons.position = self._scale * (tip - BEHIND * force / size)
+                newtons.text = f"{size:.1f} N"
 
 
 def in_hand(forces: Array, q_GH: Array) -> Array:

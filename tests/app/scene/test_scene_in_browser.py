@@ -252,18 +252,19 @@ def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(page: Page, scene
     seen(page, lambda p: hand_like(p) and line(p).sum() == 0)
 
 
-def test_what_fingertips_push_with_is_an_arrow_each(page: Page, scene: HandScene, tmp_path: Path) -> None:
+def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(page: Page, scene: HandScene, tmp_path: Path) -> None:
+    ink = lambda p: (p.rgb.max(axis=-1) < 50).sum()  # noqa: E731
     arrow = lambda p: (p.rgb[..., 0] > 150) & (p.rgb[..., 1] < 0.62 * p.rgb[..., 0]) & (p.rgb[..., 2] < 70)  # noqa: E731
-    seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
+    bare = seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
     forces, level = np.full((5, 3), np.nan), view.palm_down("left")
     scene.show(postures.relaxed(), level)
     forces[FINGERS.index("index")] = quat.rotate(level, np.array([0.0, 8.0, 0.0]))  # along the fingers, away from the viewer
     forces[FINGERS.index("thumb")] = 0.1  # N: what is left of a zero
     scene.forces(forces)
-    one = settled(page, lambda p: arrow(p).sum() > 40)
-    forces[FINGERS.index("thumb")] = quat.rotate(level, np.array([0.0, 0.0, 8.0]))
+    one = settled(page, lambda p: arrow(p).sum() > 40 and ink(p) > ink(bare) + 20)
+    forces[FINGERS.index("thumb")] = quat.rotate(level, np.array([0.0, 0.0, -8.0]))  # away from the hand, where nothing hides it
     scene.forces(forces)
-    seen(page, lambda p: arrow(p).sum() > 1.4 * arrow(one).sum(), tmp_path / "forces.png")
+    seen(page, lambda p: arrow(p).sum() > 1.4 * arrow(one).sum() and ink(p) > ink(one) + 20, tmp_path / "forces.png")
     scene.forces(None)
     seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
 
