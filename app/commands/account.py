@@ -8,7 +8,7 @@ from pathlib import Path
 from sqlalchemy.orm import Session
 
 from app.commands.audit import opened
-from app.commands.words import default_data, say
+from app.commands.words import database_url, default_data, say
 from estimators.errors import InputError
 from sessions import accounts, audit, logins
 from sessions.accounts import LOCAL, ROLES
@@ -29,7 +29,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     for action, meaning in ACTIONS.items():
         sub = actions.add_parser(action, help=meaning, description=meaning)
         sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
-        sub.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+        sub.add_argument(
+            "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+        )
         if action != "list":
             sub.add_argument("name", metavar="NAME")
         if action in ("add", "role"):

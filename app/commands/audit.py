@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from app.commands.words import default_data, say
+from app.commands.words import database_url, default_data, say
 from estimators.errors import InputError
 from sessions import audit
 from sessions.database import open_database
@@ -30,7 +30,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     listed.add_argument("--most", type=int, default=100, metavar="N", help="so many lines (%(default)s)")
     for sub in (verify, listed):
         sub.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="the server's data folder (%(default)s)")
-        sub.add_argument("--database", metavar="URL", help="SQLAlchemy URL of the database (SQLite in the data folder)")
+        sub.add_argument(
+            "--database", default=database_url(), metavar="URL", help="the server's database, where it is not SQLite in the data folder"
+        )
 
 
 def run(arguments: argparse.Namespace) -> int:

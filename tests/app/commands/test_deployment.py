@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from app.cli import main
 from app.commands import serve
 
 ROOT = Path(__file__).parents[3]
@@ -53,3 +54,14 @@ def _versions(lock: Path) -> dict[str, set[str]]:
     for package, version in re.findall(r"^([\w.-]+)==(\S+)", lock.read_text(), re.M):
         held.setdefault(package, set()).add(version)
     return held
+
+
+def test_accounts_and_the_trail_are_those_of_the_server_s_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The compose file names it in the environment: otherwise an empty database in the data folder would be found in order."""
+    monkeypatch.setenv("HANDSCOPE_DATABASE", f"sqlite:///{tmp_path / 'the-server-s.sqlite'}")
+    assert main(["account", "add", "mira", "--role", "clinician", "--data", str(tmp_path)]) == 0
+    assert main(["audit", "verify", "--data", str(tmp_path)]) == 0
+    assert "holds: 1 lines" in capsys.readouterr().out
+    assert not (tmp_path / "handscope.sqlite").exists()
