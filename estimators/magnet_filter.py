@@ -30,6 +30,7 @@ class Sizes(NamedTuple):
     """Spectral densities and standard deviations in SI, as the loop needs them."""
 
     gyr: float  # rad/s/sqrt(Hz)
+    gyr_moving: float  # 1/sqrt(Hz), times the rate
     acc: float  # m/s^2/sqrt(Hz), white
     acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
     mag: float  # T
@@ -206,12 +207,25 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
 
 
 @inlined
-def widened(s: Sizes, P: Array, F: Array, dt: float, turned: float, rough: float) -> None:
-    """The covariance dt later, the base `turned` (rad), in place; `rough` multiplies the noise of sensors that did not answer. (5.6)"""
+def rates(x: Array, now: Array) -> tuple[float, float]:
+    """How fast base and target turn, rad/s."""
+    base, target = 0.0, 0.0
+    for i in range(3):
+        base += (now[i] - x[XBG + i]) ** 2
+        target += (now[6 + i] - x[XTG + i]) ** 2
+    return math.sqrt(base), math.sqrt(target)
+
+
+@inlined
+def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, rough: float) -> None:
+    """The covariance dt later, base and target turning by w_b and w_t (rad/s), in place; `rough` multiplies the noise of sensors that did not answer.
+
+    (5.6). What scales and axes of a gyroscope are off by grows with its rate: as noise of one size it would blur the turning of what does not turn.
+    """
     carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
     product(F, P[:OWN, OWN:], across)
-    kept = math.exp(-turned / s.left_alike)
+    kept = math.exp(-w_b * dt / s.left_alike)
     first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT - 1) // 2  # of the calibrations: they change as the trunk turns
     for j in range(len(P) - OWN):
         share = kept if first <= j < last else 1.0
@@ -223,15 +237,16 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, turned: float, rough: float
                 P[k, OWN + j] *= share
             P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
     put(carried, P[:OWN, :OWN])
-    gyr, acc = rough * s.gyr * s.gyr, rough * 2 * s.acc * s.acc + s.acc_slow * s.acc_slow
+    gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
+    acc = rough * 2 * s.acc * s.acc + s.acc_slow * s.acc_slow
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
             for k in range(3):
                 a = F[i, BBG + k] if i < BBG else 0.0
                 b = F[j, BBG + k] if j < BBG else 0.0
-                P[i, j] += a * b * gyr / dt
+                P[i, j] += a * b * gyr_b / dt
     for i in range(3):
-        P[TH + i, TH + i] += gyr * dt
+        P[TH + i, TH + i] += gyr_t * dt
         P[V_ + i, V_ + i] += acc * dt
         P[P_ + i, P_ + i] += acc * dt**3 / 3
         P[P_ + i, V_ + i] += acc * dt**2 / 2

@@ -34,6 +34,7 @@ from estimators.magnet_filter import (
     corrected,
     matrix,
     moved,
+    rates,
     skew,
     stepped,
     transposed,
@@ -285,8 +286,8 @@ def followed(
             old = x
             x = stepped(s, x, before, now, dt, F)
             gained = x[3:6] - old[3:6]
-            turned = math.sqrt((now[0] - x[XBG]) ** 2 + (now[1] - x[XBG + 1]) ** 2 + (now[2] - x[XBG + 2]) ** 2) * dt
-            widened(s, P, F, dt, turned, rough)
+            w_b, w_t = rates(x, now)
+            widened(s, P, F, dt, w_b, w_t, rough)
         went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
         settled(way, x, gained, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):

@@ -12,6 +12,7 @@ from estimators.magnet_filter import Sizes
 from estimators.options import option
 
 DEG = np.pi / 180
+MOVING_ALIKE = 0.5  # s over which the error of a moving gyroscope stays alike
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
 
@@ -19,8 +20,12 @@ HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 class MagnetParams:
     gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
     gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
-    gyr_scale: float = option(
-        0.3, "deg/s/sqrt(Hz)", "what scale errors of a moving gyroscope amount to", "ours: 0.5 % of 1 rad/s, alike for 0.5 s"
+    gyr_share: float = option(
+        0.005,
+        "1",
+        "share of its rate by which a moving gyroscope is off, alike for half a second",
+        "ours: scale and cross-axis errors",
+        most=0.5,
     )
     acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
     acc_error: float = option(
@@ -94,7 +99,8 @@ class MagnetParams:
 def sizes(p: MagnetParams) -> Sizes:
     """As the loop needs them."""
     return Sizes(
-        gyr=float(np.hypot(p.gyr_noise, p.gyr_scale)) * DEG,
+        gyr=p.gyr_noise * DEG,
+        gyr_moving=p.gyr_share * np.sqrt(2 * MOVING_ALIKE),
         acc=p.acc_noise,
         acc_slow=p.acc_error * np.sqrt(2 * p.alike),
         mag=1e-6 * p.mag_noise,

@@ -42,8 +42,8 @@ def _moved(x: Array, dx: Array) -> Array:
 
 
 @looped
-def _widened(s, P: Array, F: Array, dt: float, turned: float) -> None:  # type: ignore[no-untyped-def]
-    mf.widened(s, P, F, dt, turned, 1.0)
+def _widened(s, P: Array, F: Array, dt: float, w_b: float) -> None:  # type: ignore[no-untyped-def]
+    mf.widened(s, P, F, dt, w_b, 0.0, 1.0)
 
 
 def _state() -> Array:
@@ -100,7 +100,7 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
     """Against F P F' + Q of all 46 errors at once, without the noise of trunk and hand."""
-    still = SIZES._replace(gyr=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0)
+    still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0)
     A = RNG.normal(size=(46, 46))
     P, F, turned = A @ A.T, np.eye(27) + 0.1 * RNG.normal(size=(27, 27)), 0.05
     kept = np.ones(46)
@@ -108,7 +108,7 @@ def test_the_covariance_is_carried_as_one_matrix() -> None:
     whole = np.diag(kept)
     whole[:27, :27] = F
     expected = whole @ P @ whole.T + SIZES.mag_left**2 * np.diag(1 - kept**2)
-    _widened(still, P, F, 1 / 60, turned)
+    _widened(still, P, F, 1 / 60, 60 * turned)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
 
 
