@@ -26,6 +26,9 @@ WAY = 21
 WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
 MEMORY = 0.05  # s of the rates
 SLOW = 2.0  # s, of the velocity
+UNSURE = (
+    0.1  # m/s, standard deviation of a velocity that nothing is gained by holding on to: followed hands stay below 0.08, lost ones above
+)
 
 
 @inlined
@@ -52,12 +55,18 @@ def turns(x: Array, way: Array) -> tuple[Array, Array]:
 
 
 @inlined
-def settled(way: Array, x: Array, gained: Array, dt: float) -> None:
-    """The way's velocity in place: what accelerations made of it, and slowly what the filter's is; its own where dt is 0."""
-    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 else 1.0
+def settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
+    """The way's velocity in place: carried as the filter's was from v (3,) on by accelerations and the base's turning, and slowly drawn to it; the
+    filter's own where dt is 0 and while it is not sure of it, so that a hand found again does not drag the velocity of the lost one along."""
+    unsure = P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2] > UNSURE**2
+    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 and not unsure else 1.0
+    apart, back_b, one = np.empty(3), np.empty(3), np.zeros(4)
+    one[0] = 1.0
     for i in range(3):
-        way[VS + i] += gained[i]
-        way[VS + i] += toward * (x[3 + i] - way[VS + i])
+        apart[i], back_b[i] = way[VS + i] - v[i], -(way[WB + i] - x[XBG + i]) * dt
+    apart = times(matrix(turned(one, back_b, False)), apart)
+    for i in range(3):
+        way[VS + i] = x[3 + i] + (1.0 - toward) * apart[i]
 
 
 @inlined

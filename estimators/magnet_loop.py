@@ -273,7 +273,7 @@ def followed(
     surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
     F, now = np.zeros((OWN, OWN)), np.zeros(12)
     for n in range(len(samples)):
-        dt, rough, gained = dts[n], 1.0, np.zeros(3)
+        dt, rough, v = dts[n], 1.0, x[3:6].copy()
         for i in range(12):
             now[i] = samples[n, i]
             if math.isnan(now[i]):
@@ -283,13 +283,11 @@ def followed(
             for i in range(3):
                 P[THG + i, THG + i] += TURN_LOST**2
         elif dt > 0:
-            old = x
             x = stepped(s, x, before, now, dt, F)
-            gained = x[3:6] - old[3:6]
             w_b, w_t = rates(x, now)
             widened(s, P, F, dt, w_b, w_t, rough)
         went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
-        settled(way, x, gained, dt if 0 < dt <= s.max_gap else 0.0)
+        settled(way, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)

@@ -6,7 +6,7 @@ import pytest
 from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
-from estimators.magnet_lateness import FB, VS, WAY, earlier, went_on
+from estimators.magnet_lateness import FB, SLOW, VS, WAY, WB, earlier, settled, went_on
 from estimators.magnet_options import MagnetParams, sizes
 from estimators.magnet_reading import read
 from estimators.quaternions import Array
@@ -34,6 +34,11 @@ def _earlier(x: Array, way: Array) -> Array:
 @looped
 def _went_on(way: Array, now: Array, dt: float) -> None:
     went_on(way, now, dt)
+
+
+@looped
+def _settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
+    settled(way, x, P, v, dt)
 
 
 @looped
@@ -140,3 +145,13 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
         )
         < 0.5
     )
+
+
+def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a_lost_hand() -> None:
+    x, way, v, dt = _state(), np.zeros(WAY), RNG.normal(size=3), 1 / 60
+    x[mf.XBG : mf.XBG + 3], way[WB : WB + 3] = 0.0, [0.0, 0.0, 3.0]
+    apart = way[VS : VS + 3] - v
+    for known, kept in ((0.04, np.exp(-dt / SLOW)), (0.2, 0.0)):
+        led = way.copy()
+        _settled(led, x, np.eye(46) * known**2, v, dt)
+        np.testing.assert_allclose(led[VS : VS + 3] - x[3:6], kept * quat.rotate(quat.about(2, -3.0 * dt), apart), atol=1e-12)
