@@ -174,26 +174,30 @@ def brought(moved: Trajectory, places: Places) -> Trajectory:
 def said(places: Places) -> list[str]:
     """One sentence for each kind of doubt, and for magnetometers that are late."""
     shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
-    return _late(places) + [
+    return late(places) + [
         f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
         for flag, words in PLACE_WORDS.items()
         if shares[flag] >= WORTH_SAYING
     ]
 
 
-def _late(places: Places) -> list[str]:
-    """What the whole recording tells of the magnetometers' lateness, where it is worth saying."""
-    late, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
-    if not abs(late) > max(LATE, SURE_OF_IT * sd):
+def late(places: Places) -> list[str]:
+    """What all up to the newest row tells of the magnetometers' lateness, where it is worth saying. What is doubtful is not accounted for."""
+    tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
+    if not abs(tau) > max(LATE, SURE_OF_IT * sd):
         return []
-    by, known = f"{1e3 * abs(late):.0f}", f"{1e3 * sd:.1f}"
-    if late > 0:
-        return [
+    by, known, doubtful = f"{1e3 * abs(tau):.0f}", f"{1e3 * sd:.1f}", bool(places.flags[-1] & PlaceFlag.DOUBTFUL)
+    if doubtful and tau > 0:
+        said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+    elif doubtful:
+        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+    elif tau > 0:
+        said = (
             f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
-        ]
-    return [
-        f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
-    ]
+        )
+    else:
+        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
+    return [said]
 
 
 def _ranged(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:

@@ -70,7 +70,7 @@ class Whereabouts:
         known = bool(np.isfinite(place).all())
         return {
             "reason": self.reason,
-            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag],
+            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag] + hand_place.late(self.latest),
             "mm": [round(float(MM * x)) for x in place] if known else None,
             "distance_mm": round(float(MM * np.linalg.norm(place))) if known else None,
             "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
