@@ -31,7 +31,13 @@ class MagnetParams:
     acc_error: float = option(
         0.06, "m/s^2", "what an accelerometer is off by for long", "ours: biases of 0.05 m/s^2 and scales after calibration"
     )
-    mag_noise: float = option(0.2, "uT", "white noise of a magnetometer axis", HMC5883L, least=1e-3)
+    mag_noise: float = option(
+        0.2,
+        "uT",
+        "white noise of a magnetometer axis; what its first readings show counts where it is half as much again",
+        HMC5883L,
+        least=1e-3,
+    )
     mag_error: float = option(0.2, "uT", "what the calibration of a magnetometer leaves", "ours: 0.4 % of the earth's field")
     magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
     place_error: float = option(0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours")

@@ -15,13 +15,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_standstill
+from estimators import dipole, magnet_standstill
 from estimators import quaternions as quat
 from estimators.errors import InputError
+from estimators.force.interpolation import noise_of
 from estimators.gravity import GRAVITY
 from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
 from estimators.magnet_lateness import WAY
-from estimators.magnet_localisation import located
+from estimators.magnet_localisation import Located, located
 from estimators.magnet_loop import followed
 from estimators.magnet_options import DEG, MagnetParams, sizes
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
@@ -31,6 +32,8 @@ from estimators.sensor_fusion import upright
 ROOM = 1e-6  # T by which the field of a room differs from the earth's
 PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
+LISTENED = 32  # first whole readings that tell the magnetometers' noise: to 7 % with four of them
+LOUDER = 1.5  # times what was told from which on the noise that was measured counts, and all is begun anew
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,8 @@ class State:
     newest: Array  # (12,) last good inertial readings
     way: Array  # (21,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
+    heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
+    noise: float = 0.0  # uT, where it is more than was told
     t: float = -np.inf
 
 
@@ -111,17 +116,37 @@ def start(setup: Setup) -> State:
         np.full(12, np.nan),
         np.zeros(WAY),
         np.empty((0, 12 + setup.array.places.size)),
+        np.empty((0, len(setup.array), 3)),
     )
 
 
 def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
-    """Advance by samples of any number; nothing depends on where they are cut."""
-    array = state.setup.array
-    n, samples = len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
-    if readings.mag.shape != (n, len(array), 3) or samples.shape != (n, 12):
+    """Advance by samples of any number; nothing depends on where they are cut. Magnetometers with more noise than was told are found out by their first
+    readings: what was made of those is forgotten."""
+    n, many = len(readings.t), len(state.setup.array)
+    if readings.mag.shape != (n, many, 3) or readings.base.shape != (n, 6) or readings.target.shape != (n, 6):
         raise InputError(
-            f"Magnetometer readings are {readings.mag.shape}, inertial ones {samples.shape}; {n} samples of {len(array)} magnetometers were told."
+            f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
         )
+    if state.heard is None:
+        return _advanced(params, state, readings)
+    fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
+    heard = np.concatenate([state.heard, readings.mag[fresh]])
+    if len(heard) < LISTENED:
+        return _advanced(params, replace(state, heard=heard), readings)
+    cut = int(fresh[LISTENED - 1 - len(state.heard)]) + 1
+    state, early = _advanced(params, replace(state, heard=None), _part(readings, slice(cut)))
+    noise = 1e6 * float(np.sqrt((noise_of(np.arange(float(LISTENED)), heard[:LISTENED]) ** 2).mean()))
+    if noise > LOUDER * params.mag_noise:
+        state = replace(start(state.setup), recent=state.recent, heard=None, noise=noise, t=state.t)
+    state, late = _advanced(params, state, _part(readings, slice(cut, None)))
+    return state, _joined(early, late)
+
+
+def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+    """By samples over which the noise of the magnetometers is one."""
+    params = replace(params, mag_noise=max(params.mag_noise, state.noise))
+    array, n, samples = state.setup.array, len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
     limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
     samples = np.where(np.abs(samples) < 0.999 * limits, samples, np.nan)
     with np.errstate(invalid="ignore"):
@@ -253,10 +278,20 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
     """Place and moment of the magnet and the field without it in the base's frame from one reading, if the array sees it well."""
     if len(setup.array) < 3:
         return None
-    found = located(
-        mag[None], setup.array, None, setup.magnet.size, 1e-6 * np.hypot(params.mag_noise, params.mag_error), params.reach, 0.03
-    )
+    noise = 1e-6 * float(np.hypot(params.mag_noise, params.mag_error))
+    found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
+    if not found.found[0] and np.isfinite(found.left[0]):  # near by, places and moment told amiss leave more than the noise
+        noise = float(np.hypot(noise, _amiss(params, setup, found)))
+        found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
     return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
+
+
+def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
+    """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
+    r, size = found.place[0] - setup.array.places, np.maximum(np.linalg.norm(found.moment[0]), setup.magnet.size)
+    moment = found.moment[0] * setup.magnet.size / size
+    by_place, own = dipole.by_place(r, moment) * params.place_error, dipole.by_moment(r) * params.magnet_error * setup.magnet.size
+    return float(np.sqrt(((by_place**2).sum(axis=-1) + (own**2).sum(axis=-1)).mean()))
 
 
 def _told(
@@ -297,8 +332,15 @@ def _told(
     )
     if not first:
         return rest
-    before = _before(start(setup), readings, 0, first, saturated)
-    return Track(*(np.concatenate([getattr(before, f.name), getattr(rest, f.name)]) for f in fields(Track)))
+    return _joined(_before(start(setup), readings, 0, first, saturated), rest)
+
+
+def _joined(early: Track, late: Track) -> Track:
+    return Track(*(np.concatenate([getattr(early, f.name), getattr(late, f.name)]) for f in fields(Track)))
+
+
+def _part(readings: Readings, part: slice) -> Readings:
+    return Readings(*(getattr(readings, f.name)[part] for f in fields(Readings)))
 
 
 def _before(state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]) -> Track:

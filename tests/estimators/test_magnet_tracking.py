@@ -93,6 +93,35 @@ def test_late_magnetometers_are_found_and_accounted_for(both: tuple[Motion, Setu
     assert not late.doubtful[after].any()
 
 
+def test_more_noise_than_was_told_is_measured(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    """One uT, five times what is told: all was marked doubtful. And of ordinary noise nothing is begun anew."""
+    m, setup, readings, track = both
+    loud = replace(readings, mag=readings.mag + 1e-6 * np.random.default_rng(3).normal(size=readings.mag.shape))
+    found, after = tracking.tracked(PARAMS, setup, loud), m.t > 10.0
+    assert not found.doubtful[after].any() and found.surprise[after].mean() < 1.3
+    assert (((found.p_bt - m.p_bt) / found.p_sd)[after] ** 2).mean() < 1.6
+    assert tracking.step(PARAMS, tracking.start(setup), readings)[0].noise == 0.0
+    assert track.p_sd[after].mean() < found.p_sd[after].mean()
+
+
+def test_a_magnet_near_the_plate_is_found_by_the_first_reading() -> None:
+    """Places told to a millimetre leave more of a near magnet's field than noise does: of 92 magnets nearer than 16 cm 45 began as lost."""
+    rng, found = np.random.default_rng(4242), []
+    for _ in range(20):
+        w = _worn(1)[0]
+        toward = rng.normal(size=3) * [1, 1, 0.5] + [0, 0, 2]
+        p = w.places.mean(axis=0) + rng.uniform(0.08, 0.16) * toward / np.linalg.norm(toward)
+        q_bt = quat.normalize(rng.normal(size=4))
+        mag = MagneticField(homogeneous().earth, p[None], quat.rotate(q_bt, w.moment)[None]).at(w.places) + 0.2e-6 * rng.normal(size=(4, 3))
+        told = w.places + 0.001 * rng.normal(size=w.places.shape)
+        base = np.array([[0, 0, 0, 0, 0, 9.81]])
+        target = np.concatenate([np.zeros(3), quat.rotate(quat.conjugate(q_bt), base[0, 3:])])[None]
+        still = Readings(np.zeros(1), base, target, mag[None])
+        track = tracking.tracked(PARAMS, Setup(magnet_setup.constellation(told), magnet_setup.magnet(w.moment), EARTH), still)
+        found.append(track.p_sd[0].max() < 0.05)
+    assert np.mean(found) > 0.9
+
+
 def test_out_of_reach_for_ten_seconds_and_back() -> None:
     """Known to 25 mm two seconds after it is back, on the whole; where it is not known, it says so."""
     for seed in (2, 3, 6):  # before what led astray was forgotten 3 and 6 came back to a wrong place
