@@ -60,13 +60,13 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
     )
     parser.add_argument(
         "--oidc-client",
-        default=os.environ.get("HANDSCOPE_OIDC_CLIENT", "handscope"),
+        default=os.environ.get("HANDSCOPE_OIDC_CLIENT") or "handscope",
         metavar="ID",
         help="our name there (%(default)s); the secret is in HANDSCOPE_OIDC_SECRET",
     )
     parser.add_argument(
         "--oidc-claim",
-        default=os.environ.get("HANDSCOPE_OIDC_CLAIM", "roles"),
+        default=os.environ.get("HANDSCOPE_OIDC_CLAIM") or "roles",
         metavar="NAME",
         help="claim that holds the roles (%(default)s)",
     )
@@ -75,7 +75,7 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         action="append",
         default=[],
         metavar="WORD=ROLE",
-        help="a word of that claim and the role that it means; without any, the roles' own names",
+        help="a word of that claim and the role that it means (HANDSCOPE_OIDC_ROLES, several with spaces between); without any, the roles' own names",
     )
     parser.add_argument(
         "--idle-logout", type=_hours, default=IDLE, metavar="HOURS", help="a login ends without a request for so long (%(default)s)"
@@ -90,13 +90,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _sign_on(arguments: argparse.Namespace) -> SignOn | None:
-    """None unless a provider is named."""
+def sign_on(arguments: argparse.Namespace) -> SignOn | None:
+    """What the options and the environment agree with a provider; None unless one is named."""
     if not arguments.oidc_issuer:
         return None
-    roles = parse(arguments.oidc_role) or {role: role for role in ROLES}
+    told = arguments.oidc_role or os.environ.get("HANDSCOPE_OIDC_ROLES", "").split()
+    roles = parse(told) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
-        raise InputError(f"--oidc-role names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}")
+        raise InputError(f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}")
     secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
     return SignOn(issuer=arguments.oidc_issuer, client=arguments.oidc_client, secret=secret, claim=arguments.oidc_claim, roles=roles)
 
@@ -129,7 +130,7 @@ def serve(arguments: argparse.Namespace, demo_ports: tuple[str, ...], browser: b
         demo_ports=demo_ports,
         metrics=arguments.metrics,
         proxies=tuple(arguments.proxy),
-        sign_on=_sign_on(arguments),
+        sign_on=sign_on(arguments),
         idle_logout=3600.0 * arguments.idle_logout,
         longest_login=3600.0 * arguments.longest_login,
     )

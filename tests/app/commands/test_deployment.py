@@ -25,6 +25,8 @@ def test_the_compose_file_starts_the_server_with_options_that_there_are() -> Non
     example = (ROOT / "deploy" / "env.example").read_text()
     wanted = set(re.findall(r"\$\{(\w+)", (ROOT / "deploy" / "compose.yaml").read_text()))
     assert wanted == set(re.findall(r"^(\w+)=", example, re.M))
+    optional = {name for name, value in told["handscope"]["environment"].items() if value is None}
+    assert optional == set(re.findall(r"^# (\w+)=", example, re.M))
 
 
 def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
@@ -65,3 +67,12 @@ def test_accounts_and_the_trail_are_those_of_the_server_s_database(
     assert main(["audit", "verify", "--data", str(tmp_path)]) == 0
     assert "holds: 1 lines" in capsys.readouterr().out
     assert not (tmp_path / "handscope.sqlite").exists()
+
+
+def test_the_provider_s_words_for_roles_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HANDSCOPE_OIDC_ROLES", "hand-therapists=clinician movement-lab=scientist")
+    parser = argparse.ArgumentParser()
+    serve.add(parser)
+    agreed = serve.sign_on(parser.parse_args(["--oidc-issuer", "https://login.test"]))
+    assert agreed is not None
+    assert agreed.roles == {"hand-therapists": "clinician", "movement-lab": "scientist"}
