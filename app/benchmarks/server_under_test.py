@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-WAIT = 30.0  # s for anything to happen
+WAIT = 120.0  # s for anything to happen: a busy machine takes its time
 
 
 class Client:

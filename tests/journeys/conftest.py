@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.browser import chromium
-from tests.journeys.house import ROOT, Server, api, begun, new_patient, shown
+from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shown
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
@@ -33,13 +33,14 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         assert first is not None, log.read_text()
         yield begun(first.split()[-1], data)
         process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
-        assert process.wait(30) == 130, log.read_text()
+        assert process.wait(LONG / 1000) == 130, log.read_text()
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     """One Chromium for all journeys: no test here has an event loop of its own."""
+    expect.set_options(timeout=LONG)  # a busy machine answers late
     with sync_playwright() as tool:
         one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         yield one
@@ -50,6 +51,7 @@ def browser() -> Iterator[Browser]:
 def newcomer(browser: Browser) -> Iterator[Page]:
     """A browser that nobody has logged in."""
     context = browser.new_context(viewport=SIZE)  # type: ignore[arg-type]
+    context.set_default_timeout(LONG)
     yield context.new_page()
     context.close()
 
@@ -65,11 +67,11 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
         context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, "base_url": server.base, **options})  # type: ignore[arg-type]
         answer = context.request.post("/api/login", data={"token": server.token()})
         assert answer.ok, answer.text()
+        context.set_default_timeout(LONG)
         context.add_init_script(SELDOM)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
-        page.set_default_timeout(20_000)
         if not scene:  # drawing it without a graphics card takes a core
             page.route("**/scene/*/", lambda route: route.fulfill(body="<!doctype html><title>Hand</title>", content_type="text/html"))
         if at is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import LONG, Server, act, api, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
+from tests.journeys.house import Server, act, api, begin_session, end_session, figure, keep_picture, new_patient, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 COUNTDOWN_BELOW_BANNER = """() => {
@@ -55,7 +55,7 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     act(page, "finish").click()
     expect(page.get_by_text("Not done yet: Thumb across and away")).to_be_visible()
     page.get_by_role("button", name="Yes, finish").click()
-    page.wait_for_url("**/sessions/*", timeout=LONG)
+    page.wait_for_url("**/sessions/*")
     _read_results(page, tmp_path)
 
 
@@ -147,7 +147,8 @@ def test_a_calibration_by_movements_is_led_through_and_used(page_without_scene: 
     shown(page.get_by_text("This step is good"))
     keep_picture(page, "calibration-flat-good")
     act(page, "next").click()
-    act(page, "next").click()  # the flat thumb is left out
+    shown(page.get_by_role("heading", name="Step 2 of 6: Flat thumb"))
+    act(page, "next").click()  # it is left out
     page.locator('[data-task="flexion_all"]').click()
     shown(act(page, "start")).click()
     shown(page.get_by_text("Seconds left"))

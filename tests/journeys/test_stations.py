@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Frame, Page, expect
 
-from tests.journeys.house import LONG, act, begin_session, end_session, new_patient, scene_drawn, shown
+from tests.journeys.house import act, begin_session, end_session, new_patient, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 SMALL = {"width": 960, "height": 600}  # two scenes are drawn at once
@@ -25,9 +25,9 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
     np.testing.assert_allclose(palms[0], -palms[1], atol=1e-6, err_msg="frames of a left and a right hand are each other's negative")
 
     for scene in scenes:
-        scene.wait_for_function(GHOST, arg=False, timeout=LONG)
+        scene.wait_for_function(GHOST, arg=False)
     shown(act(left, "continue")).click()
-    scenes[0].wait_for_function(GHOST, arg=True, timeout=LONG)
+    scenes[0].wait_for_function(GHOST, arg=True)
     assert scenes[1].evaluate(GHOST, False), "the right hand's scene follows the left hand's session"
     shown(act(right, "continue"))
 

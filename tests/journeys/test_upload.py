@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import LONG, api, figure, held_back, keep_picture, scene_drawn, shown
+from tests.journeys.house import api, figure, held_back, keep_picture, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
@@ -35,7 +35,7 @@ def test_an_uploaded_recording_gives_numbers_and_a_replay(page: Page, patient: i
     scene_drawn(page)
     shown(page.locator(".cursor"))
     page.get_by_role("button", name="Play").click()
-    page.wait_for_function(f"() => {HERE} > 1", timeout=LONG)
+    page.wait_for_function(f"() => {HERE} > 1")
     keep_picture(page, "replay")
     page.get_by_role("button", name="Pause").click()
     shown(page.get_by_role("button", name="Play"))
