@@ -15,7 +15,7 @@ from estimators.errors import InputError
 
 router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent
-OPENING = 10.0  # s that a viewer waits for a scene whose process begins
+OPENING = 30.0  # s that a viewer waits for a scene whose process begins
 PAGES = ("/", "/patients/{id}", "/sessions/{id}", "/stations/{id}", "/help", "/account", "/audit")
 
 

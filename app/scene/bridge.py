@@ -114,7 +114,7 @@ async def bridge(websocket: WebSocket, port: int, secret: str) -> None:
             max_size=None,
             ping_interval=None,
             proxy=None,  # else an http_proxy of the environment would be asked
-            open_timeout=5,
+            open_timeout=20,
             close_timeout=1,
         ) as scene:
             await websocket.accept(subprotocol=PROTOCOL)
