@@ -72,10 +72,12 @@ export function mount(root) {
     if (ways.single) passwords.prepend(make("p", {}, make("a", { href: "/login/sso" }, t("login.single"))));
   });
 
+  /** Who has begun with the code goes on with it. */
   function withPasswords() {
-    code.open = false;
+    const begun = input.value !== "" || button.disabled;
+    code.open = begun;
     code.firstChild.hidden = false;
-    password.mount(passwords, { make, send, say });
+    password.mount(passwords, { make, send, say, takesFocus: !begun });
   }
 
   return () => root.replaceChildren();

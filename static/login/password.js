@@ -1,7 +1,7 @@
 /** Name and password, where accounts have one. */
 import { t } from "../words/words.js";
 
-export function mount(root, { make, send, say }) {
+export function mount(root, { make, send, say, takesFocus }) {
   const name = make("input", { id: "name", name: "username", autocomplete: "username", spellcheck: "false", autocapitalize: "none" });
   const password = make("input", { id: "password", name: "password", type: "password", autocomplete: "current-password" });
   const button = make("button", { class: "primary large", type: "submit" }, t("login.send"));
@@ -19,6 +19,6 @@ export function mount(root, { make, send, say }) {
     return password.focus();
   });
   root.append(form);
-  name.focus();
+  if (takesFocus) name.focus();
   return () => form.remove();
 }

@@ -1,5 +1,5 @@
 /** Facts of a patient, shown; "Change" makes them a form. */
-import { h } from "../dom.js";
+import { h, whenChanged } from "../dom.js";
 import { errorBox, onSubmit } from "../forms.js";
 import { confirming } from "./second_look.js";
 import { factFields, factWords } from "./fact_fields.js";
@@ -41,6 +41,10 @@ export function mount(root, api, { record }) {
     fields.first.focus();
   }
 
-  show();
-  return record.watch(() => body.querySelector("form") || show());
+  const draw = whenChanged(
+    (patient) => NAMES.map((name) => patient[name]),
+    () => body.querySelector("form") || show(),
+  );
+  draw(record.now);
+  return record.watch(draw);
 }

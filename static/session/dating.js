@@ -1,5 +1,5 @@
 /** The session's date where the computer's clock was wrong: corrected with a reason; what the clock said stays and can be put back. */
-import { h } from "../dom.js";
+import { h, whenChanged } from "../dom.js";
 import { errorBox, field, onSubmit, once } from "../forms.js";
 import { sendChange } from "../patient/record.js";
 import { dayAndTime, t } from "../words/words.js";
@@ -20,7 +20,8 @@ export function mount(root, api, { record }) {
   );
   const details = h("details", {}, h("summary", {}, t("dating.correct")), form);
   root.append(told, details, box.element);
-  const send = (change) => sendChange(record, change, box, draw);
+  const draw = whenChanged(({ started, recorded_as, date_reason, state }) => ({ started, recorded_as, date_reason, state }), show);
+  const send = (change) => sendChange(record, change, box, show);
 
   onSubmit(form, box, async () => {
     if (!when.value) throw new Error(t("dating.missing"));
@@ -30,15 +31,14 @@ export function mount(root, api, { record }) {
     details.querySelector("summary").focus();
   });
 
-  function draw() {
-    const { started, recorded_as: said, date_reason: reason, state } = record.now;
+  function show({ started, recorded_as: said, date_reason: reason, state }) {
     root.hidden = state === "open";
     when.value = local(started);
     const back = h("button", { type: "button", onclick: () => once(back, box, () => send({ started: said })) }, t("dating.back"));
     told.replaceChildren(...(said ? [h("p", {}, t("dating.corrected", { said: dayAndTime(said), reason })), back] : []));
   }
 
-  draw();
+  draw(record.now);
   return record.watch(draw);
 }
 

@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import Server, api, keep_picture, shown
+from tests.journeys.house import Server, api, held_back, keep_picture, shown
 
 pytestmark = pytest.mark.browser
 CLINICIANS = (
@@ -51,7 +51,7 @@ def test_a_second_browser_without_the_cookie_sees_nothing(page: Page, newcomer: 
     assert [page.evaluate(OPENED, address) for address in sockets] == ["opened", "opened"]
 
     newcomer.goto(f"{server.base}/patients/1")
-    assert newcomer.url == f"{server.base}/login"
+    newcomer.wait_for_url(f"{server.base}/login")
     expect(newcomer.get_by_label("One-time code")).to_be_visible()
     assert "Demo patient" not in newcomer.content()
     for path in ("/api/patients", f"/api/stations/{station}", f"/scene/{station}/", "/static/app.js"):
@@ -80,6 +80,17 @@ def test_a_login_that_ended_leads_back_to_the_login_page(page: Page, seen: bool)
     page.wait_for_url("**/login")
 
 
+def code_typed_before_the_ways_in_are_known(page: Page, address: str) -> None:
+    with held_back(page, "**/api/login"):
+        page.goto(address)
+        typed = page.get_by_label("One-time code")
+        typed.fill("half a code")
+    shown(page.get_by_label("Name of your account"))
+    expect(typed).to_have_value("half a code")
+    expect(typed).to_be_focused()
+    page.reload()
+
+
 def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     page: Page, newcomer: Page, server: Server, processed: int
 ) -> None:
@@ -97,6 +108,8 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     newcomer.get_by_role("button", name="Set password").click()
     shown(newcomer.get_by_text("The password is set"))
     newcomer.get_by_role("button", name="Log out").click()
+    newcomer.wait_for_url("**/login")
+    code_typed_before_the_ways_in_are_known(newcomer, f"{server.base}/login")
     newcomer.get_by_label("Name of your account").fill("anna")
     newcomer.get_by_label("Password").fill("seven hands on a table")
     newcomer.get_by_role("button", name="Log in").click()

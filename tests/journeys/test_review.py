@@ -75,6 +75,7 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
     page.keyboard.press("Space")
     shown(page.get_by_role("button", name="Pause"))
     page.keyboard.press("Space")
+    shown(page.get_by_role("button", name="Play"))
     tapping = api(page, f"/api/results/{result}")["content"]["tasks"][0]
     page.get_by_label("Speed").select_option("4")
     page.get_by_role("button", name="Repeat Finger tapping").click()
@@ -83,8 +84,9 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
         "([onset, end]) => { const t = Number(document.querySelector('.cursor')?.dataset.t); return t > onset && t < onset + 8; }",
         arg=[tapping["onset"], tapping["end"]],
     )
+    page.get_by_role("button", name="Pause").click()  # before the repeating ends, and with it the recording
     page.get_by_role("button", name="Repeat Finger tapping").click()
-    page.get_by_role("button", name="Pause").click()
+    shown(page.get_by_role("button", name="Play"))
 
 
 def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
@@ -108,13 +110,13 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     shown(other.locator(".error").filter(has_text="Notes: stored now “tired”, yours “in pain”"))
     keep_picture(other, "session-conflict")
     other.get_by_role("button", name="Take what is stored").click()
-    mine.get_by_role("button", name="Undo").click()
+    mine.get_by_text("Correct the date…").click()
+    mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
+    mine.get_by_role("button", name="Undo").click()  # what is saved of the notes leaves the date as it was typed
     expect(mine.get_by_label("Notes on this session")).to_have_value("calm")
     session = api(mine, f"/api/sessions/{processed}")
     assert (session["notes"], session["examiner"]) == ("calm", "A. B.")
 
-    mine.get_by_text("Correct the date…").click()
-    mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
     mine.get_by_role("button", name="Correct the date").click()
     expect(mine.locator(".error")).to_have_text("Give a reason: it stands beside the date for everybody who reads it.")
     mine.get_by_label("Why the date was wrong").fill("the clock's battery")
