@@ -81,7 +81,7 @@ def _other_user(folder: Path) -> str | None:
 def _wait(folder: Path, process: "subprocess.Popen[bytes]") -> None:
     import time
 
-    until = time.monotonic() + 30
+    until = time.monotonic() + 120
     while not list(folder.glob(".s.PGSQL.*.lock")) or b"ready to accept" not in (folder / "log").read_bytes():
         assert process.poll() is None, (folder / "log").read_text()
         assert time.monotonic() < until, "PostgreSQL did not start"

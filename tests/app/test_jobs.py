@@ -20,7 +20,7 @@ from sessions.results import ATTEMPTS, ENDED
 from sessions.store import Store, open_store
 from sessions.tables import PatientSession, RecordingFile, Result
 
-WAIT = 30.0  # s until a test gives up
+WAIT = 120.0  # s until a test gives up
 DEATHS: dict[str, Callable[[], object]] = {
     "aborts": os.abort,
     "runs out of memory": lambda: os.kill(os.getpid(), signal.SIGKILL),

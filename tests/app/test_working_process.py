@@ -79,4 +79,4 @@ def test_it_leaves_when_its_parent_is_killed() -> None:
         assert parent.stdout is not None
         assert int(parent.stdout.readline()) != parent.pid
         parent.kill()
-        parent.communicate(timeout=30)  # until nobody has the pipes any more: the process has them, too
+        parent.communicate(timeout=120)  # until nobody has the pipes any more: the process has them, too

@@ -13,7 +13,7 @@ from app.cli import main
 from app.working_process import CONTEXT, heed_the_terminal
 from tests import fork_server
 
-WAIT = 30.0  # s until a test gives up
+WAIT = 120.0  # s until a test gives up
 
 
 def words(folder: Path) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 from app.cli import main
 from app.working_process import CONTEXT, heed_the_server_alone
 
-WAIT = 30.0  # s until a test gives up
+WAIT = 120.0  # s until a test gives up
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from app.scene import bridge
 from app.scene.hand_scene import HandScene
 
 COOKIE = {"name": "session", "value": "known"}
+WAIT = 90.0  # s until a test gives up
 PICTURE = 1.0  # s between two pictures: without a graphics card each takes half a second of both cores
 SELDOM = f"""
   const drawn = window.requestAnimationFrame;
@@ -56,7 +57,7 @@ def site(scene: HandScene, with_policy: bool = True) -> Iterator[Site]:
         listener.close()
 
 
-def eventually(condition: Callable[[], object], within: float = 30.0, every: float = 0.02) -> object:
+def eventually(condition: Callable[[], object], within: float = WAIT, every: float = 0.02) -> object:
     """Ask every so many s until the answer is true, and return it."""
     end = time.monotonic() + within
     while not (answer := condition()):

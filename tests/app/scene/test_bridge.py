@@ -16,7 +16,7 @@ from app.scene.hand_scene import HandScene
 from estimators.hand_anatomy import JOINT
 from estimators.hand_geometry import sized
 from estimators.quaternions import Array
-from tests.app.scene.small_site import COOKIE, Site, eventually, site
+from tests.app.scene.small_site import COOKIE, WAIT, Site, eventually, site
 
 
 def connected(served: Site, cookie: str = COOKIE["value"], protocol: str = PROTOCOL) -> ClientConnection:
@@ -45,7 +45,7 @@ def test_a_stranger_is_refused_before_the_scene_hears_of_it(scene: HandScene, se
 def test_the_scene_comes_through_as_binary_messages(served: Site) -> None:
     with connected(served) as viewer:
         assert viewer.subprotocol == PROTOCOL
-        assert isinstance(viewer.recv(timeout=10), bytes)
+        assert isinstance(viewer.recv(timeout=WAIT), bytes)
 
 
 def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> None:
@@ -56,7 +56,7 @@ def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> N
         with scene.picture():
             scene.show(angles, None)
         for viewer in (one, two):
-            while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=10))):
+            while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))):
                 pass
 
 
@@ -69,7 +69,7 @@ def test_a_viewer_that_leaves_is_forgotten(scene: HandScene, served: Site) -> No
 def test_a_scene_that_closes_lets_its_viewers_go() -> None:
     scene = HandScene("left", sized("left"))
     with site(scene) as served, connected(served) as viewer:
-        viewer.recv(timeout=10)
+        viewer.recv(timeout=WAIT)
         scene.close()
         assert _end_of(viewer) == 1001
         with pytest.raises(InvalidStatus):
@@ -93,7 +93,7 @@ def test_a_proxy_of_the_environment_is_not_asked_for_our_own_machine(served: Sit
         monkeypatch.setenv(name, "http://127.0.0.1:1")
     monkeypatch.delenv("no_proxy", raising=False)
     with connected(served) as viewer:
-        assert isinstance(viewer.recv(timeout=10), bytes)
+        assert isinstance(viewer.recv(timeout=WAIT), bytes)
 
 
 def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: Site) -> None:
@@ -102,7 +102,7 @@ def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: S
         for k in range(300):
             scene.show(postures.relaxed() + 0.001 * k, None)
         tip = bones.pose(postures.relaxed() + 0.001 * 299, sized("left"))[0][bones.BONE["index_distal"]]
-        while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=10))):
+        while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=WAIT))):
             pass
 
 
@@ -146,6 +146,6 @@ def _end_of(viewer: ClientConnection) -> int:
     """Read to the end; the code the other side closed with."""
     try:
         while True:
-            viewer.recv(timeout=10)
+            viewer.recv(timeout=WAIT)
     except ConnectionClosed as end:
         return end.rcvd.code if end.rcvd else 0

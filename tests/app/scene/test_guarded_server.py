@@ -19,7 +19,7 @@ from app.scene.bridge import PROTOCOL
 from app.scene.guarded_server import make_server, quiet
 from app.scene.hand_scene import HandScene
 from estimators.hand_geometry import sized
-from tests.app.scene.small_site import eventually
+from tests.app.scene.small_site import WAIT, eventually
 
 
 @contextmanager
@@ -50,12 +50,12 @@ def test_a_connection_without_the_word_is_refused(origin: str | None) -> None:
 
 def test_as_it_comes_viser_lets_any_page_in() -> None:
     with started(guarded=False) as (server, _), connected(server.get_port(), "http://evil.example") as stranger:
-        assert isinstance(stranger.recv(timeout=10), bytes)
+        assert isinstance(stranger.recv(timeout=WAIT), bytes)
 
 
 def test_a_connection_with_the_word_gets_the_scene() -> None:
     with started(guarded=True) as (server, secret), connected(server.get_port(), secret) as viewer:
-        assert isinstance(viewer.recv(timeout=10), bytes)
+        assert isinstance(viewer.recv(timeout=WAIT), bytes)
 
 
 def test_two_servers_have_different_words_and_ports() -> None:
@@ -79,11 +79,11 @@ def test_it_serves_no_page(guarded: bool) -> None:
     with started(guarded) as (server, _):
         address = f"http://127.0.0.1:{server.get_port()}/"
         if not guarded:
-            with opener.open(address, timeout=10) as page:
+            with opener.open(address, timeout=WAIT) as page:
                 assert page.status == 200
             return
         with pytest.raises(urllib.error.HTTPError) as refusal:
-            opener.open(address, timeout=10)
+            opener.open(address, timeout=WAIT)
         assert refusal.value.code == 404
         refusal.value.close()
 
@@ -143,7 +143,7 @@ def test_what_was_drawn_is_kept_under_low_numbers_when_the_last_viewer_leaves() 
         assert {m.redundancy_key() for m in buffer.message_from_id.values()} == set(kept)
         assert buffer.message_counter > len(kept) == len(buffer.message_from_id)
         with connected(scene.port, scene.secret) as late:
-            assert isinstance(late.recv(timeout=10), bytes)
+            assert isinstance(late.recv(timeout=WAIT), bytes)
 
 
 _CAMERA = {

@@ -15,7 +15,7 @@ from app.scene.scene_apart import SceneApart
 from estimators.hand_anatomy import JOINT
 from estimators.hand_geometry import sized
 from estimators.quaternions import Array
-from tests.app.scene.small_site import eventually
+from tests.app.scene.small_site import WAIT, eventually
 from tests.app.scene.test_bridge import messages_of, turns
 from tests.app.scene.test_guarded_server import connected
 
@@ -29,7 +29,7 @@ def bent(angle: float) -> Array:
 def sees(viewer: ClientConnection, angle: float) -> bool:
     """Wait until the viewer is told of the index finger bent so."""
     tip = bones.pose(bent(angle), sized("left"))[0][bones.BONE["index_distal"]]
-    while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=20))):
+    while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))):
         pass
     return True
 

@@ -16,12 +16,13 @@ from app.scene.hand_scene import HandScene
 from estimators import quaternions as quat
 from estimators.hand_anatomy import FINGERS, JOINT
 from estimators.simulation import tasks
-from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, Site, eventually, site
+from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
 
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
 QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
 Mask = NDArray[np.bool_]
+DRAWN = "(pictures) => new Promise((done) => { const next = () => (pictures-- ? requestAnimationFrame(next) : done()); next(); })"
 
 
 @dataclass
@@ -74,7 +75,7 @@ def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: 
     page = context.new_page()
     page.on("request", lambda request: hear(request.url))
     page.goto(served.address)
-    page.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=60_000)
+    page.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined", timeout=1e3 * WAIT)
     return page
 
 
@@ -96,14 +97,14 @@ class Picture:
 
 def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
     """Look until what is drawn is as wanted."""
-    picture = [Picture(page.screenshot(timeout=90_000))]
+    picture = [Picture(page.screenshot(timeout=1e3 * WAIT))]
 
     def looked() -> bool:
-        picture.append(Picture(page.screenshot(timeout=90_000)))
+        picture.append(Picture(page.screenshot(timeout=1e3 * WAIT)))
         return bool(condition(picture[-1]))
 
     try:
-        eventually(looked, within=90, every=PICTURE / 2)
+        eventually(looked, every=PICTURE / 2)
     finally:
         if keep is not None:
             keep.write_bytes(picture[-1].png)
@@ -113,7 +114,7 @@ def seen(page: Page, condition: Callable[[Picture], object], keep: Path | None =
 def settled(page: Page, condition: Callable[[Picture], object], keep: Path | None = None) -> Picture:
     """The same some pictures later: on a page that draws seldom the first may still be of what was shown before."""
     seen(page, condition)
-    page.wait_for_timeout(1e3 * 3 * PICTURE)
+    page.evaluate(DRAWN, 3)
     return seen(page, condition, keep)
 
 
