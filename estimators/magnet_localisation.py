@@ -19,7 +19,7 @@ from estimators.errors import InputError
 from estimators.magnet_setup import Constellation, require_field
 from estimators.quaternions import Array
 
-GRID = 10  # places along each edge of the volume: even, so that none lies between two octants
+GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
 STARTS = 8  # the best place of every octant around the array
 AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
 ROUNDS = 30
@@ -100,7 +100,8 @@ def _solved(y: Array, places: Array, field: Array | None, size: float | None, no
 
 def _starts(y: Array, places: Array, field: Array | None, size: float | None, reach: float) -> Array:
     """The best places of a grid around the array with the moment and field that fit there (n, STARTS, 9)."""
-    edge = np.linspace(-1, 1, GRID) * reach
+    even = np.linspace(-1, 1, GRID)
+    edge = even * np.sqrt(np.abs(even)) * reach  # closer together in the middle, where the field bends most
     grid = places.mean(axis=0) + np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), axis=-1).reshape(-1, 3)
     grid = grid[np.linalg.norm(grid[:, None] - places, axis=-1).min(axis=1) > 0.02]
     J = dipole.by_moment(grid[:, None] - places)  # (G, L, 3, 3)

@@ -280,10 +280,12 @@ def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array,
         return None
     noise = 1e-6 * float(np.hypot(params.mag_noise, params.mag_error))
     found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-    if not found.found[0] and np.isfinite(found.left[0]):  # near by, places and moment told amiss leave more than the noise
+    sure = bool(found.found[0])
+    if not sure and np.isfinite(found.left[0]):  # near by, places and moment told amiss leave more than the noise
         noise = float(np.hypot(noise, _amiss(params, setup, found)))
         found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-    return (found.place[0], found.moment[0], found.field[0]) if found.found[0] else None
+        sure = bool(found.found[0] and found.left[0] < noise)  # all is in it: a true place leaves less 98 times of 100
+    return (found.place[0], found.moment[0], found.field[0]) if sure else None
 
 
 def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
