@@ -19,6 +19,8 @@ class SensorQuality:
     bias: float  # rad/s, size of the bias removed
     misalignment: float  # rad, between the nominal mounting and the pose
     warnings: tuple[str, ...] = ()
+    bias_sd: float | None = None  # rad/s, of each axis of the bias as the pose's samples scatter; None: not told
+    rate_noise: float | None = None  # rad/s/sqrt(Hz), white noise density of a gyroscope axis; None: too few samples
 
 
 @dataclass(frozen=True)

@@ -65,14 +65,18 @@ class Waiting:
 @dataclass(frozen=True)
 class State:
     strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
     doubt: Array | None = None  # (segments,) rad^2 there
 
 
-def start(calibration: Calibration) -> State:
-    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]))
+def start(calibration: Calibration, gyr_noise: float) -> State:
+    """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that was noisier in the pose misses that much more."""
+    seen = [calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS]
+    noisy = np.array([max((n or 0.0) ** 2 - gyr_noise**2, 0.0) / 2 for n in seen])
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy)
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
@@ -100,13 +104,13 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
         if len(w.t):
             rate, acc = _placed(w.t, w.gyr, w.acc, w.worn.segments, w.period, float(instant), float(fused), rows.t, dt, rate, acc)
     strange, appears = _appearing(state.strange, q_GB)
-    numbers = float(fused), LOST_DOUBT / max(max_gap, 0.01)
+    numbers, more = (float(fused), LOST_DOUBT / max(max_gap, 0.01)), appears + state.noisy * dt[:, None]
     turn, bias_time, force, grown, known, q_first = _of_chains(
-        _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, appears, rate, acc
+        _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, more, rate, acc
     )
     t = float(rows.t[-1])
     kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
-    after = State(strange, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
+    after = State(strange, state.noisy, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
     return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first, _magnetic(state.waiting.values(), rows.t))
 
 

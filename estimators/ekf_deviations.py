@@ -22,13 +22,11 @@ from estimators.small_matrices import variance_of
 JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6 chains, 3) as kernels take them
 
 
-def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float, rest_sd: float) -> tuple[Array, Array, Array]:
+def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float) -> tuple[Array, Array, Array]:
     """Standard deviations of all joints' angles, finite for those that are no freedom, too; of the tips: of the fingers' rotations, of the wrist's where
     it is measured, and of lengths, which err by the share `length_sd`; and the largest variance (n, 6 chains, 3 joints) of a rotation about any axis.
-
-    `rest_sd`, rad, is added to every rotation's.
     """
-    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), length_sd, rest_sd, angles, q_pc, P)
+    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), length_sd, angles, q_pc, P)
     return angles_sd, tips_sd, largest
 
 
@@ -56,9 +54,9 @@ def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bon
             J[0, 3 * j + b], J[1, 3 * j + b], J[2, 3 * j + b] = y * arm[2] - z * arm[1], z * arm[0] - x * arm[2], x * arm[1] - y * arm[0]
 
 
-@rowwise("(c,k),(f,v),(f,k,v),(),(),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
+@rowwise("(c,k),(f,v),(f,k,v),(),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
 def _of_hand(
-    joints: Array, roots: Array, offsets: Array, length_sd: float, rest_sd: float, angles: Array, q_pc: Array, P: Array,
+    joints: Array, roots: Array, offsets: Array, length_sd: float, angles: Array, q_pc: Array, P: Array,
     angles_sd: Array, tips_sd: Array, largest: Array,
 ) -> None:  # fmt: skip
     C, J_tip, bones, q, places = np.zeros((12, 12)), np.empty((3, 12)), np.empty((4, 3)), np.empty((4, 4)), np.empty((4, 3))
@@ -68,7 +66,7 @@ def _of_hand(
     for c in range(joints.shape[0] - 1, -1, -1):  # the wrist's, the last, first
         for i in range(9):
             for k in range(9):
-                C[i, k] = P[c, i, k] + (rest_sd * rest_sd if i == k else 0.0)
+                C[i, k] = P[c, i, k]
         for j in range(3 if c < roots.shape[0] else 1):
             joint = int(joints[c, j])
             for a in range(3):

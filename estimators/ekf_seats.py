@@ -171,6 +171,24 @@ def joints_row(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -
     bent_row(q_now, seat, skin, q, q_SB, flexion)
 
 
+@inlined
+def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array) -> None:
+    """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
+    d, by, turned = np.empty(3), np.empty(4), np.empty(4)
+    for i in range(7):
+        q, first = (q_pc[i], 3 * i) if i < 3 else (seat[i - 3], 12 + 3 * i)
+        for a in range(3):
+            d[a] = change[first + a]
+        quat.exp_row(d, by, by)
+        quat.multiply_row(q, by, turned)
+        quat.normalize_row(turned, q)
+    for i in range(12):
+        bias[i // 3, i % 3] += change[9 + i]
+    for i in range(9):
+        skin[i // 3, i % 3] += change[33 + i]
+    apart[0] += change[APART]
+
+
 def _root(covariance: Array) -> Array:
     """R with R R' = covariance (..., n, n), which may be singular: one sensor may stand in a chain more than once."""
     values, vectors = np.linalg.eigh(covariance)

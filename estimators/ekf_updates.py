@@ -24,7 +24,6 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.small_matrices import variance_of
 
-REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
 SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
 FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same
 STEEPEST = math.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
@@ -46,7 +45,25 @@ class UpdateParams:
         ("fused", "accelerometers"),
     )
     inclination: float = option(
-        0.5, "deg", "error of gravity's direction as a sensor's fusion sees it", "VQF on the BROAD trials: docs/reproduction.md", least=0.01
+        0.18,
+        "deg",
+        "error of gravity's direction as a sensor's fusion sees it, each axis, of a sensor that hardly turns; without what an accelerometer's bias makes of it",
+        "VQF on ten BROAD trials: docs/decisions/0009-sizes-of-errors.md",
+        least=0.01,
+    )
+    inclination_by_rate: float = option(
+        0.0016,
+        "s",
+        "how much larger that error is, in rad, for a rate in rad/s (root mean square)",
+        "VQF on ten BROAD trials: docs/decisions/0009-sizes-of-errors.md",
+        least=0.0,
+    )
+    acc_bias: float = option(
+        0.05,
+        "m/s^2",
+        "bias of an accelerometer axis: what it does to the vertical of a sensor that lies another way than in the pose is part of the standard deviations",
+        "MPU-9250 specification, table 2, after a calibration of the strip; size ours, as angle_sd",
+        least=0.0,
     )
     inclination_time: float = option(3.0, "s", "time over which that error stays alike", "VQF's tauAcc", least=0.0)
     acc_noise: float = option(0.04, "m/s^2", "white noise of an accelerometer axis", "Kortier thesis, Table 2.1", least=1e-4)
@@ -91,7 +108,7 @@ class UpdateParams:
 
 # places of the options in what a kernel takes of them
 (FUSED, INCLINATION, INCLINATION_TIME, ACC_NOISE, ACC_ERROR, ACC_GATE, RATE_GATE, LEVER) = range(8)
-(DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING) = range(8, 13)
+(DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING, TURNING, ACC_BIAS) = range(8, 15)
 
 
 def numbers(params: UpdateParams) -> Array:
@@ -99,7 +116,8 @@ def numbers(params: UpdateParams) -> Array:
     of_vectors = params.vertical == "fused", np.radians(params.inclination), params.inclination_time, params.acc_noise, params.acc_error
     of_gates = params.acc_gate, params.rate_gate, params.lever
     of_joints = params.dimensions, np.radians(params.dimension_noise), params.correlation
-    return np.array([*of_vectors, *of_gates, *of_joints, np.radians(params.rest_rate), np.radians(params.creeping)], float)
+    of_rests = np.radians(params.rest_rate), np.radians(params.creeping)
+    return np.array([*of_vectors, *of_gates, *of_joints, *of_rests, params.inclination_by_rate, params.acc_bias], float)
 
 
 def angle_jacobian(angles: Array) -> Array:
@@ -109,9 +127,20 @@ def angle_jacobian(angles: Array) -> Array:
 
 @inlined
 def vectors_row(
-    p: Array, q_pc: Array, acc: Array, up: Array, rates: Array, usable: Array, span: float, missed: Array, H: Array, noise: Array
+    p: Array,
+    q_pc: Array,
+    acc: Array,
+    up: Array,
+    wrong: Array,
+    rates: Array,
+    usable: Array,
+    span: float,
+    missed: Array,
+    H: Array,
+    noise: Array,
 ) -> None:
-    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `usable` (3,) says where both are measured.
+    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `usable` (3,) says where both are measured, `wrong` (4,) rad^2 by how
+    much each may be off where fusions tell it.
 
     Turns about the vertical are not seen. The slopes are taken at `up` (4, 3), the vertical as it was seen over a long time: about the newest, whose
     errors change all the time, the filter would seem to see them after all (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
@@ -123,7 +152,7 @@ def vectors_row(
     for j in range(3):
         quat.matrix_row(q_pc[j], v, R_pc[j])
         if p[FUSED] > 0:
-            used[j], variance[j] = usable[j], 2 * (GRAVITY * p[INCLINATION]) ** 2
+            used[j], variance[j] = usable[j], GRAVITY**2 * (wrong[j] + wrong[j + 1])
         else:
             apart, fastest = abs(_norm(acc[j]) - _norm(acc[j + 1])), max(rates[j], rates[j + 1])
             if usable[j] > 0 and apart < p[ACC_GATE] and fastest < p[RATE_GATE]:  # (2.27), (2.28)
@@ -138,9 +167,8 @@ def vectors_row(
                 r = R_pc[j, a]
                 missed[3 * j + a] = acc[j, a] - (r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2])  # (2.25)
     for j in range(2):
-        shared = (
-            -0.5 * lasts * math.sqrt(variance[j] * variance[j + 1]) * used[j] * used[j + 1]
-        )  # what is not used misses nothing, and tells nothing
+        both = GRAVITY**2 * wrong[j + 1] if p[FUSED] > 0 else 0.5 * math.sqrt(variance[j] * variance[j + 1])
+        shared = -lasts * both * used[j] * used[j + 1]  # what is not used misses nothing, and tells nothing
         for a in range(3):
             for b in range(3):
                 noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = shared * R_pc[j, a, b]
@@ -200,16 +228,6 @@ def joints_row(
                     H[row, k] = J[a, 0] * A[3 * j, k] + J[a, 1] * A[3 * j + 1, k] + J[a, 2] * A[3 * j + 2, k]
                 variance += variance_of(H[row], P) if free[j, a] > 0 else 0.0
             noise[row, row] = variance * lasts
-
-
-@inlined
-def resting_row(p: Array, crept: Array, rest: Array, due: Array, missed: Array, H: Array, noise: Array) -> None:
-    """Three rows a sensor: what it seemed to turn by, (4, 3) rad in `rest` (4,) s, was its bias; of those that are `due`."""
-    for s in range(4):
-        for a in range(3):
-            row = 3 * s + a
-            noise[row, row] = p[CREEPING] ** 2
-            missed[row], H[row, 9 + row] = (crept[s, a] / rest[s], 1.0) if due[s] > 0 else (0.0, 0.0)
 
 
 @inlined

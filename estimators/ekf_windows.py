@@ -14,12 +14,12 @@ from estimators import ekf_seats
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
 from estimators.ekf_seats import APART
-from estimators.ekf_updates import CREEPING
+from estimators.ekf_updates import ACC_BIAS
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
 
 # places of the options in what a kernel takes of them
-(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(CREEPING + 1, CREEPING + 7)
+(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(ACC_BIAS + 1, ACC_BIAS + 7)
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")

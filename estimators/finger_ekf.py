@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_magnetometers, ekf_seats, ekf_updates, ekf_windows
+from estimators import ekf_magnetometers, ekf_rests, ekf_seats, ekf_updates, ekf_verticals, ekf_windows
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
 from estimators.ekf_magnetometers import MagnetometerParams
-from estimators.ekf_seats import APART, SIZE, SeatParams, Seats
-from estimators.ekf_updates import IS_FREE, LIMITS, RATE_GATE, REST, REST_RATE, UpdateParams
+from estimators.ekf_seats import APART, SIZE, SeatParams, Seats, put_right
+from estimators.ekf_updates import IS_FREE, LIMITS, RATE_GATE, UpdateParams
 from estimators.ekf_windows import MAG_ERROR
 from estimators.kalman import correct
 from estimators.options import option
@@ -30,6 +30,10 @@ from estimators.quaternions import Array
 from estimators.small_matrices import put, spread
 
 Bools = NDArray[np.bool_]
+UPDATED = (  # fields of a state that an update changes, in the order of its kernel
+    *("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept"),
+    *("rested", "creep", "lively", "began", "lies"),
+)
 MUCH = math.radians(0.5) ** 2  # rad^2 that a sensor may have missed since the update
 
 
@@ -50,10 +54,10 @@ class FilterParams(UpdateParams, SeatParams, MagnetometerParams):
         0.001, "deg/s/sqrt(s)", "random walk of a gyroscope's bias", "ours: consumer MEMS, 10 deg/h; Kortier's Table 2.1 has 1e-4 rad/s"
     )
     bias_sd: float = option(
-        0.02,
+        0.01,
         "deg/s",
-        "least that the pose leaves of a gyroscope's bias; a hand that swayed in the pose leaves more, as its samples tell",
-        "ours: 0.06 deg of turning unseen in a pose of 3 s",
+        "what the pose leaves of a gyroscope's bias beside what its samples' scatter tells: turning that is the same all the time",
+        "0.009 fits 16 sensors on a person who stands still best (qmt's full-body example): docs/decisions/0009-sizes-of-errors.md",
         least=1e-6,
     )
 
@@ -98,8 +102,13 @@ class State:
     bias_time: Array  # (F, 4) s of the biases that is in it
     doubt: Array  # (F, 4) rad^2, variance of what it may have missed
     rest: Array  # (F, 4) s, how long each sensor has hardly turned
-    crept: Array  # (F, 4, 3) rad that it has seemed to turn by in that time
+    crept: Array  # (F, 4, 3) rad that it has seemed to turn by in that time, its bias included
+    rested: Array  # (F, 4, 3) rad/s, so at the rest before; NaN before the first
+    creep: Array  # (F, 2) half the squared differences between such rates, (rad/s)^2, and their number
     up: Array  # (F, 4, 3) the vertical over a long time, zero where not known
+    lively: Array  # (F, 4) (rad/s)^2, rates squared over the time that errors of the vertical last
+    began: Array  # (F, 4, 3) the vertical at first, zero where not known
+    lies: Array  # (F, 4, 3) the vertical over the time that its errors last
 
 
 @dataclass(frozen=True)
@@ -131,6 +140,11 @@ def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = L
         limits,
         seats,
         *ended,
+        np.zeros((chains, 4)),
+        nothing,
+        np.full((chains, 4, 3), np.nan),
+        np.zeros((chains, 2)),
+        nothing,
         np.zeros((chains, 4)),
         nothing,
         nothing,
@@ -194,10 +208,10 @@ def _told(numbers: Array, state: State, acc: Array, mag: Array) -> tuple[State, 
     """The window's end becomes the state, a new window opens; what sensors and joints tell at that end (2.15); the true joints (F, 3, 4) now, the
     covariance (F, 9, 9) of their errors as the joints were seen before."""
     window = _span(state), state.turned, state.by_bias, state.bias_time, state.doubt, acc, mag
-    known_before = state.q_pc, state.bias, state.seat, state.skin, state.apart, state.P, state.up, state.rest, state.crept
-    *found, q_joint, of_joints = _updated(numbers, *window, state.known, state.free, state.limits, *known_before, np.zeros(9))
-    names = ("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept")
-    return replace(state, **_opened(state), **dict(zip(names, found))), q_joint, of_joints
+    *found, q_joint, of_joints = _updated(
+        numbers, *window, state.known, state.free, state.limits, *(getattr(state, name) for name in UPDATED), np.zeros(9)
+    )
+    return replace(state, **_opened(state), **dict(zip(UPDATED, found))), q_joint, of_joints
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s),(j,q),(s,q),(j,v)->(n,j,q),(s,q),(s,v,v),(s),(s)")
@@ -212,51 +226,6 @@ def _gone_on(
     for row in range(turn.shape[0]):
         ekf_seats.joints_row(q, m, k, after[row], q_joint[row])
         put(after[row], T)
-
-
-@inlined
-def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array) -> None:
-    """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
-    d, by, turned = np.empty(3), np.empty(4), np.empty(4)
-    for i in range(7):
-        q, first = (q_pc[i], 3 * i) if i < 3 else (seat[i - 3], 12 + 3 * i)
-        for a in range(3):
-            d[a] = change[first + a]
-        quat.exp_row(d, by, by)
-        quat.multiply_row(q, by, turned)
-        quat.normalize_row(turned, q)
-    for i in range(12):
-        bias[i // 3, i % 3] += change[9 + i]
-    for i in range(9):
-        skin[i // 3, i % 3] += change[33 + i]
-    apart[0] += change[APART]
-
-
-@inlined
-def _rested(
-    p: Array, turned: Array, bias_time: Array, span: float, rates: Array,
-    q: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, rest: Array, crept: Array,
-) -> None:  # fmt: skip
-    """Sensors that hardly turn show their bias: its mean over every REST seconds is a measurement, their creeping its noise."""
-    due, some, crept_now = np.zeros(4), False, np.empty(3)
-    for s in range(4):
-        still = bias_time[s] > 0 and rates[s] < p[REST_RATE]
-        quat.log_row(turned[s], crept_now, crept_now)
-        rest[s] = rest[s] + span if still else 0.0
-        for a in range(3):
-            crept[s, a] = crept[s, a] + crept_now[a] if still else 0.0
-        if rest[s] >= REST - 1e-9:
-            due[s], some = 1.0, True
-    if some:
-        missed, H, noise, change = np.zeros(12), np.zeros((12, SIZE)), np.zeros((12, 12)), np.empty(SIZE)
-        ekf_updates.resting_row(p, crept, rest, due, missed, H, noise)
-        correct(P, missed, H, noise, change)
-        put_right(q, bias, seat, skin, apart, change)
-        for s in range(4):
-            if due[s] > 0:
-                rest[s] = 0.0
-                for a in range(3):
-                    crept[s, a] = 0.0
 
 
 @inlined
@@ -279,26 +248,28 @@ def _headed(
 
 
 @rowwise(
-    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(d)"
-    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(j,q),(d,d)"
+    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(d)"
+    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(j,q),(d,d)"
 )
 def _updated(
     p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, mag: Array,
     known: Array, free: Array, limits: Array,
-    q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, up: Array, rest: Array, crept: Array, row: Array,
+    q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, up: Array, rest: Array, crept: Array,
+    rested: Array, creep: Array, lively: Array, began: Array, lain: Array, row: Array,
     q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, apart_new: Array, P_new: Array, up_new: Array, rest_new: Array,
-    crept_new: Array, q_true: Array, of_joints: Array,
+    crept_new: Array, rested_new: Array, creep_new: Array, lively_new: Array, began_new: Array, lies_new: Array, q_true: Array, of_joints: Array,
 ) -> None:  # fmt: skip
     """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
     q, C, T, left = np.empty((3, 4)), np.empty(P.shape), turned.copy(), np.empty(1)
     b, m, k, o, resting, creeping = bias.copy(), seat.copy(), skin.copy(), apart.copy(), rest.copy(), crept.copy()
+    shown, differed, fast, first, lies = rested.copy(), creep.copy(), lively.copy(), began.copy(), lain.copy()
     ekf_windows.alike_row(p, T, left)
     o[0] *= left[0]
     ekf_windows.window_row(p, span, T, by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
     vertical, q_joint, A = up.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
     ekf_seats.seated_row(q, m, k, q_joint, A)
     if span > 0:
-        seen, told, rates, usable, change = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE)
+        seen, told, rates, usable, change, wrong = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE), np.empty(4)
         for s in range(4):
             told[s] = 1.0 if math.isfinite(acc[s, 0]) and math.isfinite(acc[s, 1]) and math.isfinite(acc[s, 2]) else 0.0
             rates[s] = 2 * math.atan2(math.sqrt(T[s, 1] ** 2 + T[s, 2] ** 2 + T[s, 3] ** 2), abs(T[s, 0])) / span
@@ -308,13 +279,16 @@ def _updated(
             usable[j] = known[j] * told[j] * told[j + 1]
         ekf_updates.settled_row(up.copy(), T, seen, told, span, vertical)
         missed, H, noise = np.zeros(18), np.zeros((18, SIZE)), np.zeros((18, 18))
-        ekf_updates.vectors_row(p, q, seen, vertical, rates, usable, span, missed, H, noise)
+        ekf_verticals.seen_row(p, span, seen, told, rates, fast, first, lies)
+        ekf_verticals.variances_row(p, fast, wrong)
+        ekf_updates.vectors_row(p, q, seen, vertical, wrong, rates, usable, span, missed, H, noise)
         ekf_updates.joints_row(p, q_joint, A, C, free, limits, known, span, missed, H, noise)
         correct(C, missed, H, noise, change)
         put_right(q, b, m, k, o, change)
         _headed(p, mag, vertical, rates, known, told, q, b, m, k, o, C)
-        _rested(p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping)
+        ekf_rests.rested_row(p, T, bias_time, span, rates, q, b, m, k, o, C, resting, creeping, shown, differed)
     spread(A, C, of_joints)
+    ekf_verticals.by_biases_row(p, q_joint, first, lies, of_joints)
     for s in range(4):  # what opens now has not turned
         T[s, 0], T[s, 1], T[s, 2], T[s, 3] = 1.0, 0.0, 0.0, 0.0
     ekf_seats.joints_row(q, m, k, T, q_joint)
@@ -327,8 +301,12 @@ def _updated(
     put(C, P_new)
     put(vertical, up_new)
     put(creeping, crept_new)
+    put(shown, rested_new)
+    creep_new[0], creep_new[1] = differed[0], differed[1]
+    put(first, began_new)
+    put(lies, lies_new)
     for s in range(4):
-        rest_new[s] = resting[s]
+        rest_new[s], lively_new[s] = resting[s], fast[s]
 
 
 @rowwise("(j,q),(s,q),(j,v),(e,e),(d)->(d,d)")

@@ -7,6 +7,7 @@ Limits  a pose that is not the one asked for becomes an offset of every angle; a
         the part about the vertical cannot be seen
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,6 +28,8 @@ from estimators.sensor_fusion import upright
 from estimators.time_base import measured_rates
 
 RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
+QUARTERS = 4  # pieces a second, of whose means the standard deviation of a mean is told: longer than a period of tremor
+DIFFERENCES, LEAST_SAMPLES = 8, 60  # of which noise is told
 DEG = np.pi / 180
 THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
 
@@ -161,6 +164,8 @@ class _Still:
 
     mean: Array  # (6,)
     pieces: Array  # (pieces, 6)
+    rate_sd: float | None  # rad/s, of the mean of each gyroscope axis
+    rate_noise: float | None  # rad/s/sqrt(Hz)
 
 
 def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
@@ -172,8 +177,29 @@ def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
     for k, name in enumerate(block.stream.sensors):
         samples = values[whole[:, k], k]
         if name in SEGMENTS and len(samples) >= least:
-            found[name] = _Still(samples.mean(axis=0), np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]))
+            sure = _mean_sd(samples[:, :3], QUARTERS * pieces), white_noise(samples[:, :3], block.stream.rate)
+            found[name] = _Still(samples.mean(axis=0), np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]), *sure)
     return found
+
+
+def _mean_sd(samples: Array, pieces: int) -> float | None:
+    """Standard deviation of the mean of samples (n, 3), one of all axes, as the means of their pieces scatter; None where pieces are too short."""
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    means = np.array([p.mean(axis=0) for p in np.array_split(samples, pieces)])
+    return float(np.sqrt(means.var(axis=0, ddof=1).mean() / pieces))
+
+
+def white_noise(samples: Array, rate: float) -> float | None:
+    """Density of the white noise in samples (n, axes) at `rate` Hz, in their unit per sqrt(Hz); None where there are too few samples.
+
+    The eighth differences pass what is near the highest frequency alone: of a tremor at a tenth of the rate 2e-4 of its size. A sensor that filters
+    its samples more narrowly than their rate shows less than it has.
+    """
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    differences = np.diff(samples, DIFFERENCES, axis=0)
+    return float(np.sqrt((differences**2).mean() / math.comb(2 * DIFFERENCES, DIFFERENCES) / (rate / 2)))
 
 
 def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
@@ -210,7 +236,8 @@ def stillness(still: _Still) -> SensorQuality:
     rates = still.pieces[:, :3] - still.mean[:3]
     direction = still.pieces[:, 3:] / np.linalg.norm(still.pieces[:, 3:], axis=1, keepdims=True)
     tilt = max(float(np.arccos(np.clip(d @ direction.T, -1, 1)).max()) for d in direction)
-    return SensorQuality(float(np.linalg.norm(rates, axis=1).max()), tilt, float(np.linalg.norm(still.mean[:3])), 0.0)
+    wander, bias = float(np.linalg.norm(rates, axis=1).max()), float(np.linalg.norm(still.mean[:3]))
+    return SensorQuality(wander, tilt, bias, 0.0, bias_sd=still.rate_sd, rate_noise=still.rate_noise)
 
 
 def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], pose: Pose) -> None:
@@ -256,7 +283,7 @@ def palm_down(hand: Hand) -> Array:
 
 
 def _with_misalignment(q: SensorQuality, nominal: Array, q_BS: Array) -> SensorQuality:
-    return SensorQuality(q.rate_wander, q.tilt_change, q.bias, float(quat.angle(quat.relative(nominal, q_BS))), q.warnings)
+    return replace(q, misalignment=float(quat.angle(quat.relative(nominal, q_BS))))
 
 
 def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: Mapping[str, Array], pose: Pose) -> tuple[str, ...]:

@@ -54,9 +54,6 @@ class Params(FilterParams, sensor_fusion.FusionParams, functional_steps.Function
         "Salchow-Hoemmen 2019, 2.4.3",
     )
     heading_known: float = option(10.0, "deg", "a joint of larger standard deviation counts as of lost heading", "ours, as in m2")
-    rest_of_sd: float = option(
-        0.3, "deg", "what the filter's model leaves out of every rotation; added to its standard deviations", "ours: accelerometer bias"
-    )
     length_sd: float = option(
         0.03,
         "1",
@@ -98,13 +95,27 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     magnetic, apart_sd = (magnetometers.start(streams), math.sqrt(2) * params.mag_error) if params.magnetometers else (None, 0.0)
     chains = finger_ekf.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd)
     sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
-    return State(calibration, q_SB, sensors, time_base.start(inertial), ekf_alignment.start(calibration), chains, sure, magnetic)
+    return State(
+        calibration,
+        q_SB,
+        sensors,
+        time_base.start(inertial),
+        ekf_alignment.start(calibration, math.radians(params.gyr_noise)),
+        chains,
+        sure,
+        magnetic,
+    )
 
 
 def _bias_sd(params: Params, calibration: Calibration) -> Array:
-    """What the pose leaves of each sensor's bias (segments,), rad/s: of three one-second means the farthest tells how well their mean is known."""
-    wander = [calibration.quality[s].rate_wander if s in calibration.quality else np.radians(3 * params.pose_rate) for s in SEGMENTS]
-    return np.asarray(np.hypot(np.radians(params.bias_sd), np.array(wander) / 3.0))
+    """What the pose leaves of each sensor's bias (segments,), rad/s: as its rates scatter in the pose, noise as well as swaying.
+
+    Quarters of a second tell how well their mean is known where each errs for itself; of a hand that sways more slowly the farthest of three one-second
+    means does.
+    """
+    told = [calibration.quality.get(s) for s in SEGMENTS]
+    scatter = [max(q.rate_wander / 3.0, q.bias_sd or 0.0) if q else np.radians(params.pose_rate) for q in told]
+    return np.asarray(np.hypot(np.radians(params.bias_sd), scatter))
 
 
 def _seats(params: Params, calibration: Calibration) -> Seats:
@@ -227,8 +238,7 @@ def _sure(params: Params, state: State, found: finger_ekf.Estimate, pose: Pose) 
     if not len(found.told):
         return before
     angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
-    rest_sd, geometry = math.radians(params.rest_of_sd), state.calibration.geometry
-    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, geometry, params.length_sd, rest_sd)
+    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, state.calibration.geometry, params.length_sd)
     return Sure(
         np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),

@@ -44,7 +44,7 @@ def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(rng
     turned, by_bias = _wound(turns, bias, times)
     P = np.zeros((43, 43))
     P[:21, 21:42] = P[21:42, :21] = np.eye(21)
-    q_new, P_new = ekf_windows.carried(np.zeros(19), 0.2, turned, by_bias, np.zeros(4), q_pc, P)
+    q_new, P_new = ekf_windows.carried(np.zeros(21), 0.2, turned, by_bias, np.zeros(4), q_pc, P)
 
     def ended(errors: Array) -> Array:
         q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
@@ -59,7 +59,7 @@ def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(sensor: int
     q_pc, turns, bias, times = _window(rng)
     turned, by_bias = _wound(turns, bias, times)
     doubt = np.where(np.arange(4) == sensor, 1.0, 0.0)
-    q_new, P_new = ekf_windows.carried(np.zeros(19), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43)))
+    q_new, P_new = ekf_windows.carried(np.zeros(21), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43)))
 
     def ended(error: Array) -> Array:
         wrong = turned.copy()

@@ -19,6 +19,7 @@ FREE_INDEX, LIMITS_INDEX = ekf_updates.IS_FREE[1], ekf_updates.LIMITS[1]  # MCP,
 WHITE = FilterParams(
     correlation=0.0, inclination_time=0.0, inclination=0.3, gyr_scale=0.0, bias_sd=0.1, creeping=1e3, dimension_noise=1.0, misalignment=1.0
 )
+WHITE = replace(WHITE, inclination_by_rate=0.0, acc_bias=0.0)
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:
@@ -152,7 +153,7 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
     rates[2, 1] = 3.0  # the proximal one turns
     straight, H = np.tile(quat.IDENTITY, (3, 1)), np.zeros((3, 18, ekf_seats.SIZE))
     for case in range(3):
-        given = straight, up[case], up[case] / 9.81, rates[case], np.ones(3), 0.2, np.zeros(18), H[case], np.zeros((18, 18))
+        given = straight, up[case], up[case] / 9.81, np.zeros(4), rates[case], np.ones(3), 0.2, np.zeros(18), H[case], np.zeros((18, 18))
         ekf_updates.vectors_row(ekf_updates.numbers(params), *given)
     used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
     np.testing.assert_array_equal(used, [[True, True, True], [True, False, False], [False, False, True]])

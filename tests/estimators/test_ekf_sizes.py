@@ -1,0 +1,73 @@
+"""Sizes of errors that the filter learns of a recording, and those that it derives: noise, creeping, verticals, accelerometers' biases."""
+
+import numpy as np
+import pytest
+
+from estimators import ekf_rests, ekf_updates, ekf_verticals, initial_pose
+from estimators import quaternions as quat
+from estimators.ekf_updates import UpdateParams
+from estimators.quaternions import Array
+
+DEG = np.pi / 180
+NUMBERS = ekf_updates.numbers(UpdateParams())
+
+
+@pytest.mark.parametrize("density", [0.01, 0.04])
+def test_white_noise_is_told_from_tremor_and_swaying(density: float, rng: np.random.Generator) -> None:
+    """Three seconds at 100 Hz: 3 deg/s at 8 Hz and 0.5 deg/s at 0.7 Hz beside noise of two qualities."""
+    t = np.arange(300)[:, None] / 100
+    moved = 3 * np.sin(2 * np.pi * (8 * t + [0, 0.3, 0.6])) + 0.5 * np.sin(2 * np.pi * (0.7 * t + [0.2, 0.5, 0]))
+    found = initial_pose.white_noise((moved + density * np.sqrt(50) * rng.normal(size=(300, 3))) * DEG, 100.0)
+    assert found == pytest.approx(density * DEG, rel=0.25)
+
+
+def test_too_few_samples_tell_no_noise(rng: np.random.Generator) -> None:
+    assert initial_pose.white_noise(rng.normal(size=(59, 3)), 100.0) is None
+
+
+def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
+    """Noise (12, 12) that the last of rests counts with; rates (rests, 4, 3) rad/s that sensors of bias 0 show."""
+    rested, creep, P = np.full((4, 3), np.nan), np.zeros(2), biases_known**2 * np.eye(43)
+    for rate in rates:
+        rest, missed, H, noise = np.full(4, 1.5), np.zeros(12), np.zeros((12, 43)), np.zeros((12, 12))
+        ekf_rests.learnt_row(rate * 1.5, rest, np.ones(4), rested, creep)
+        ekf_rests.resting_row(NUMBERS, rate * 1.5, rest, np.ones(4), np.zeros((4, 3)), P, creep, missed, H, noise)
+    np.testing.assert_allclose(missed, rate.ravel(), atol=1e-15)
+    return noise
+
+
+@pytest.mark.parametrize("creeping", [0.01, 0.3])
+def test_how_much_sensors_creep_is_learnt_from_rest_to_rest(creeping: float, rng: np.random.Generator) -> None:
+    noise = _rests(creeping * DEG * rng.normal(size=(40, 4, 3)))
+    usual = np.median(np.sqrt(noise.diagonal()))
+    first = np.median(np.sqrt(_rests(np.zeros((1, 4, 3))).diagonal()))
+    assert first == pytest.approx(0.1 * DEG)  # nothing learnt yet: the option
+    assert usual == pytest.approx(max(creeping, 0.1 * np.sqrt(12 / (12 + 39 * 12))) * DEG, rel=0.3)
+
+
+def test_creeping_that_goes_on_alike_is_not_taken_for_a_bias() -> None:
+    """One finger turns at 0.2 deg/s all the time where biases are known to 0.01: nothing differs from rest to rest, yet it counts for little."""
+    rates = np.zeros((40, 4, 3))
+    rates[:, 3, 2] = 0.2 * DEG
+    sd = np.sqrt(_rests(rates).diagonal()).reshape(4, 3)
+    assert sd[3, 2] > 0.19 * DEG
+    assert sd[:3].max() < 0.05 * DEG
+
+
+def test_a_vertical_is_the_less_sure_the_faster_the_sensor_has_turned() -> None:
+    variance, lively = np.empty(4), np.array([0.0, 100.0, 400.0, 50.0]) ** 2 * DEG**2
+    ekf_verticals.variances_row(NUMBERS, lively, variance)
+    np.testing.assert_allclose(np.sqrt(variance) / DEG, np.hypot(0.18, 0.0016 * np.array([0, 100, 400, 50])), rtol=1e-9)
+
+
+def test_biases_of_accelerometers_count_as_drawn_ones_err_and_not_where_sensors_lie_as_they_began(rng: np.random.Generator) -> None:
+    """Each sensor's own turn (u - u_0) x b / g, minus its parent's as the joint's child sees it."""
+    began, q = np.tile([1.0, 0.0, 0.0], (4, 1)), quat.normalize(rng.normal(size=(3, 4)))
+    lies = quat.rotate(quat.normalize(rng.normal(size=(4, 4))), began)
+    found, nothing = np.zeros((9, 9)), np.zeros((9, 9))
+    ekf_verticals.by_biases_row(NUMBERS, q, began, lies, found)
+    ekf_verticals.by_biases_row(NUMBERS, q, began, began, nothing)
+    assert not nothing.any()
+    turned = np.cross(lies - began, 0.05 / 9.80665 * rng.normal(size=(20000, 4, 3)))
+    errors = (turned[:, 1:] - quat.rotate(quat.conjugate(q), turned[:, :3])).reshape(-1, 9)
+    np.testing.assert_allclose(found, errors.T @ errors / len(errors), atol=0.04 * found.max())
