@@ -34,7 +34,10 @@ from estimators.trajectory import Flag, Trajectory
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
 BEGUN = "map is an experiment (docs/methods.md)"
-ALONE = "the whole hand as one problem did not come to an end: each finger is as it was found alone, with the hand"
+ALONE = (
+    "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
+    " first phalanges' lengths may be off by several of their standard deviations"
+)
 TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
@@ -127,9 +130,7 @@ def _calibrated(
 def _together(
     params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
 ) -> tuple[list[Finger], list[str]]:
-    """All fingers as one problem with the hand that they share; as they were found alone where that does not come to an end."""
-    if len(alone) < 2:
-        return alone, []
+    """All fingers, or the only one, as one problem with the hand and its skin; as they were found alone where that does not come to an end."""
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     try:
         found = hand_solver.solve(

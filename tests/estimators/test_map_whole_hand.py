@@ -13,7 +13,7 @@ from estimators.hand_geometry import HandGeometry, sized
 from estimators.methods import BATCH
 from estimators.processing import Processed, process
 from estimators.quaternions import Array
-from estimators.self_calibration import hand_solver, segments, solver
+from estimators.self_calibration import hand_solver, segments, solver, steadiness
 from estimators.self_calibration.hand_solver import HandSolution
 from estimators.self_calibration.problem import columns
 from estimators.self_calibration.solver import Solution
@@ -102,8 +102,7 @@ def test_the_wrist_is_followed_by_the_forearms_sensor(case: Case) -> None:
 
 
 def test_a_forearm_that_lay_still_costs_no_finger(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = {s.problem.chain.sensors: s for s in case.alone}
-    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    _known(case, monkeypatch)
     monkeypatch.setattr(hand_solver, "solve", lambda *others: replace(case.together, outcome="not converged"))
     block = case.made.samples["imu"]
     values = block.values.copy()
@@ -113,6 +112,28 @@ def test_a_forearm_that_lay_still_costs_no_finger(case: Case, monkeypatch: pytes
     assert set(done.calibrations[0].lengths_sd) == {"index_proximal", "index_middle", "middle_proximal", "middle_middle"}
     sd = done.trajectory.angles_sd
     assert sd is not None and (sd[:, JOINT["wrist"], FLEXION] > 30 * DEG).all()
+
+
+def test_a_finger_alone_is_as_sure_as_the_skin_under_the_hands_sensor_lets_it(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The hand's sensor follows the middle finger, by which its first phalanx alone was too sure."""
+    _known(case, monkeypatch)
+    block = case.made.samples["imu"]
+    rows = [WORN.index(s) for s in ("hand", *CHAINS["middle"])]
+    stream = replace(block.stream, sensors=tuple(WORN[k] for k in rows))
+    worn = replace(case.made, samples={"imu": replace(block, stream=stream, values=block.values[:, rows])})
+    found = process(METHOD, METHOD.Params(), worn).calibrations[0]
+    name, before = "middle_proximal", next(s for s in case.alone if s.problem.chain.sensors[-1] == "middle_distal")
+    told = segments.of_solution(before, "left", case.made.mounting)
+    off = [abs(x - case.geometry.lengths[name]) for x in (found.geometry.lengths[name], told.lengths[name])]
+    assert off[0] < 2 * found.lengths_sd[name]
+    assert found.lengths_sd[name] > 1.3 * told.lengths_sd[name]
+
+
+def _known(case: Case, patch: pytest.MonkeyPatch) -> None:
+    """Limbs alone are as they were solved before, and steady."""
+    before = {s.problem.chain.sensors: s for s in case.alone}
+    patch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    patch.setattr(steadiness, "slips", lambda found: [])
 
 
 def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:
@@ -158,18 +179,16 @@ def test_skin_on_the_back_of_the_hand_is_told_apart(case: Case) -> None:
 def test_where_the_whole_hand_does_not_come_to_an_end_fingers_are_as_they_were_found_alone(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = {s.problem.chain.sensors: s for s in case.alone}
-    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    _known(case, monkeypatch)
     monkeypatch.setattr(hand_solver, "solve", lambda *others: replace(case.together, outcome="not converged"))
     done = process(METHOD, METHOD.Params(), case.made)
-    assert any("the whole hand as one problem did not come to an end" in said for said in done.warnings)
+    assert any("hand and fingers as one problem did not come to an end" in said for said in done.warnings)
     told = segments.of_solution(case.alone[0], "left", case.made.mounting)
     assert done.calibrations[0].lengths_sd["index_proximal"] == pytest.approx(told.lengths_sd["index_proximal"], rel=1e-9)
 
 
 def test_when_the_time_is_over_fingers_are_as_they_were_found_alone(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = {s.problem.chain.sensors: s for s in case.alone}
-    monkeypatch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
+    _known(case, monkeypatch)
 
     def over(share: float) -> None:
         if 0.6 <= share < 1.0:
