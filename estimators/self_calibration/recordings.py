@@ -2,7 +2,8 @@
 
 In      whole inertial streams, a stretch of time
 Out     Readings at about 100 Hz; what is missing or at its limit is bridged and said to be doubtful
-Limits  streams with clocks of their own are brought to the hand's samples by straight lines
+Limits  streams with clocks of their own are brought to the hand's samples by straight lines; sensors' noise is taken for white, of the same density at every rate:
+        a mean over faster samples is as noisy as one sample at its own rate, and turns add up the same random walk in a second however many there are
 """
 
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ class Hole:
 
 
 def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
-    """Times (n,) and readings of these sensors between two instants, s."""
+    """Times (n,) and readings of these sensors between two instants, s; doubt counts from the noise of a sample at RATE."""
     where = {name: (b, k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
     reference = where[sensors[0]][0].between(start, stop).t
     period = float(np.median(np.diff(reference)))
@@ -41,8 +42,8 @@ def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop
     each = max(1, round(1 / period / RATE))
     n = len(grid) // each * each
     t, v, d = (x[:n].reshape(n // each, each, *x.shape[1:]).mean(axis=1) for x in (grid, np.stack(values, 1), np.stack(doubts, 1)))
-    share = 1 / np.sqrt(each)
-    return t, Readings(each * period, v[..., :3], v[..., 3:], np.maximum(share, d[..., 0]), np.maximum(share, d[..., 1]))
+    noisier = 1 / np.sqrt(each * period * RATE)
+    return t, Readings(each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1])
 
 
 def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -> tuple[Chain, tuple[str, ...]]:

@@ -20,6 +20,7 @@ from estimators.self_calibration.solver import Solution
 ROUNDED = 0.05  # s, as durations are said
 LEFT_OUT = 3.0  # s of a recording that are not worth a word
 LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
+LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
 
 
@@ -95,7 +96,7 @@ def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Soluti
 
 def _require_rates(finger: str, read: Readings, found: Solution) -> None:
     """InputError where the reason is that gyroscopes turned faster than they can tell."""
-    lacking = (read.gyr_doubt >= DOUBTFUL).mean(axis=0)
+    lacking = (read.gyr_doubt > LOST * DOUBTFUL).mean(axis=0)
     worst = int(np.argmax(lacking))
     if lacking[worst] > LACKING:
         raise InputError(

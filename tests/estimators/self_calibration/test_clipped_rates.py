@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.errors import InputError
-from estimators.samples import Block
+from estimators.samples import ACC, GYR, Block, Stream
 from estimators.self_calibration import recordings, steadiness, words
 from estimators.self_calibration.findings import Asked
 from estimators.self_calibration.recordings import DOUBTFUL
@@ -28,10 +28,21 @@ def test_each_sensor_is_bridged_where_it_stands_at_its_own_largest_value() -> No
     block = clipped()
     t, read = recordings.readings([block], SEGMENTS, 0.0, 16.0)
     at_limit = np.stack([np.isclose(np.abs(block.of("gyr")[:, k]).max(axis=1), np.radians(LIMITS.get(k, 1e9))) for k in range(4)], axis=1)
-    assert (read.gyr_doubt[at_limit[: len(t)]] == DOUBTFUL).all()
+    np.testing.assert_allclose(read.gyr_doubt[at_limit[: len(t)]], DOUBTFUL, rtol=1e-9)
     assert at_limit[:, 3].mean() > 0.2
-    assert (read.gyr_doubt[:, 0] == 1.0).all()
+    np.testing.assert_allclose(read.gyr_doubt[:, 0], 1.0, rtol=1e-9)
     assert np.abs(np.degrees(read.gyr[:, 1])).max() < LIMITS[1] + 1e-6
+
+
+@pytest.mark.parametrize("rate", [50.0, 130.0, 200.0, 1000.0])
+def test_turns_of_a_second_are_as_uncertain_at_every_rate(rate: float) -> None:
+    """Noise of one density is made: the RMS of what is left after averaging is what doubt says against 100 Hz."""
+    t = np.arange(int(20 * rate)) / rate
+    noise = np.sqrt(rate / 100) * np.random.default_rng(5).normal(size=(len(t), 1, 6))
+    stream = Stream("imu", ("hand",), (GYR, ACC), rate, "imu", {GYR: 100.0, ACC: 100.0})
+    _, read = recordings.readings([Block(stream, t, noise)], ("hand",), 0.0, 20.0)
+    np.testing.assert_allclose(np.sqrt(np.mean(read.gyr**2)), read.gyr_doubt[0, 0], rtol=0.05)
+    np.testing.assert_allclose(np.sqrt(np.mean(read.acc**2)), read.acc_doubt[0, 0], rtol=0.05)
 
 
 def test_where_nothing_is_found_clipping_is_said_to_be_why(solved: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
