@@ -7,7 +7,8 @@ NAMES = (*(f"distance, {p}" for p in PLACES), "length, proximal", "length, middl
 
 
 def found(percent: float, converged: bool = True) -> Found:
-    return Found(converged, dict.fromkeys(NAMES, percent), {"proximal": 1.0, "middle": -1.0}, 3.0, 0.5, 0.4, 9.0)
+    bound = {"proximal": 0.1, "middle": 0.2}
+    return Found(converged, dict.fromkeys(NAMES, percent), {"proximal": 1.0, "middle": -1.0}, bound, 3.0, 0.5, 0.4, 9.0)
 
 
 def test_fifteen_trials_of_each_kind_at_most() -> None:
@@ -26,3 +27,8 @@ def test_the_thesis_stands_beside_ours_and_targets_are_judged() -> None:
     assert met["skin motion: largest mean error of a distance or length"]
     assert "white noise: 1 of 2 trials converged from a cold start." in told.remarks
     assert any(s.startswith("skin motion: errors of lengths are 1.0 of their standard deviations") for s in told.remarks)
+    assert any(
+        "proximal phalanx is 0.10 %" in s and "our error 0.30 %" in s and "within 0.2 % in 95 % of trials, ours was in 0 %" in s
+        for s in told.remarks
+    )
+    assert any("probability of about 42 %" in s for s in told.remarks), "0.954 and 0.683, each twice"
