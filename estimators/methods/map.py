@@ -39,6 +39,7 @@ ALONE = (
     " first phalanges' lengths may be off by several of their standard deviations"
 )
 TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
+RIGID = 1e-3  # share of skin's movement that nobody notices
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
 UNKNOWN_TIP = 0.05  # m, the same of a fingertip, which moves about over a decimetre
@@ -54,6 +55,13 @@ class Params(salchow.Params, Noise, Asked):
         "1",
         "how far a length that no movement tells may be off, share of it",
         "Salchow-Hoemmen 2019, 5: ratios vary by a few percents; size ours",
+    )
+    hand_skin: float = option(
+        1.0,
+        "1",
+        "how far skin moves the hand's sensor with the fingers, share of skin_turn and skin_slide; 0 where it sits on something rigid",
+        "ours: skin of the back of the hand moves as the fingers' does",
+        least=0.0,
     )
     tracked: float = option(
         2.0, "deg", "standard deviation that tracking adds before and after the stretch", "docs/reproduction.md, Table 6, m2: 1.8"
@@ -131,11 +139,12 @@ def _together(
     params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
 ) -> tuple[list[Finger], list[str]]:
     """All fingers, or the only one, as one problem with the hand and its skin; as they were found alone where that does not come to an end."""
+    share = max(params.hand_skin, RIGID)
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     try:
         found = hand_solver.solve(
             [f.solution for f in alone],
-            noise,
+            replace(noise, skin_turn=share * noise.skin_turn, skin_slide=share * noise.skin_slide),
             TOGETHER,
             lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
         )
