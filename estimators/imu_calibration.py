@@ -6,12 +6,13 @@ Source  Valtin, Salchow, Seel et al. 2017 (calibration matrices on the strip's f
 Limits  temperature is not modelled
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.compiled import rowwise
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG
 
@@ -41,8 +42,8 @@ class Correction:
 
     matrix: Array  # (sensors, quantities, 3, 3)
     bias: Array  # (sensors, quantities, 3)
-    known: NDArray[np.bool_]  # (sensors, quantities) the others are taken as they read
-    acc: NDArray[np.bool_]  # (quantities,)
+    known: Array  # (sensors, quantities) 1 or 0: the others are taken as they read
+    acc: Array  # (quantities,) 1 or 0
 
 
 def correction(calibrations: Sequence[ImuCalibration], quantities: Sequence[str]) -> Correction:
@@ -50,7 +51,7 @@ def correction(calibrations: Sequence[ImuCalibration], quantities: Sequence[str]
     parts = [[c.of(q) for q in quantities] for c in calibrations]
     known = [[q in c.matrix or q in c.bias for q in quantities] for c in calibrations]
     matrix, bias = ([[np.asarray(part[k], float) for part in row] for row in parts] for k in (0, 1))
-    return Correction(np.array(matrix), np.array(bias), np.array(known), np.array([q == ACC for q in quantities]))
+    return Correction(np.array(matrix), np.array(bias), np.array(known, float), np.array([q == ACC for q in quantities], float))
 
 
 def apply(calibrations: Sequence[ImuCalibration], quantities: Sequence[str], values: Array) -> Array:
@@ -65,13 +66,19 @@ def corrected(by: Correction, values: Array) -> Array:
     """
     reading = values.reshape(*values.shape[:-1], values.shape[-1] // 3, 3)
     assert reading.shape[-3:] == by.bias.shape
-    with np.errstate(over="ignore", invalid="ignore"):
-        straight = reading - by.bias
-        x, y, z = (straight[..., axis, None] for axis in range(3))  # axis by axis: a sample does not depend on how many come with it
-        made = by.matrix[..., 0] * x + by.matrix[..., 1] * y + by.matrix[..., 2] * z
-    silent = (reading == 0).all(axis=-1) & by.acc
-    taken = np.where((by.known & ~silent)[..., None], np.where(np.isfinite(made), made, np.nan), reading)
-    return np.asarray(taken.reshape(values.shape))
+    with np.errstate(over="ignore"):
+        return np.asarray(_corrected(reading, by.matrix, by.bias, by.known, by.acc)).reshape(values.shape)
+
+
+@rowwise("(a),(a,a),(a),(),()->(a)")
+def _corrected(reading: Array, matrix: Array, bias: Array, known: float, acc: float, made: Array) -> None:
+    """One reading; `known` and `acc` are 1 where the sensor's calibration tells the quantity, and where it is specific force."""
+    made[0], made[1], made[2] = reading[0], reading[1], reading[2]
+    if known > 0 and not (acc > 0 and reading[0] == 0 and reading[1] == 0 and reading[2] == 0):
+        x, y, z = reading[0] - bias[0], reading[1] - bias[1], reading[2] - bias[2]
+        for axis in range(3):
+            value = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
+            made[axis] = value if math.isfinite(value) else math.nan
 
 
 def after(first: ImuCalibration, second: ImuCalibration) -> ImuCalibration:
