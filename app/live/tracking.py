@@ -27,14 +27,17 @@ from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.processing import with_known
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, join, joined
+from estimators.samples import ACC, GYR, Block, every, join, joined
 from estimators.trajectory import Flag, Trajectory
 
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
-PAST_POSES = 600.0  # s of trajectory kept, for live curves and counts of the task that runs
+PAST_POSES = (
+    PAST_SAMPLES  # s of trajectory kept: whoever asks for poses (what is held, the meter of free movement) asks for their samples, too
+)
 TOGETHER = 128  # pieces of it that are laid together: few large arrays take less memory than many small ones, and the collector of garbage less time
+BESIDE = 16  # small blocks of a stream's samples that are laid together: a second of them is looked at ten times a second
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
@@ -76,7 +79,7 @@ class Tracking:
         self._patience = patience
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view left out; the recording has them
-        self._rest = 0.0  # s, after the newest blocks
+        self.rest = 0.0  # s in which no more blocks are wanted after the newest
         self.failures = 0  # times that the method failed and was started again
         self._failed_since = 0  # of them since it last did not
         self.calibration: Calibration | None = None
@@ -116,7 +119,7 @@ class Tracking:
                 self._queue.popleft()
                 self.skipped += 1
             self._wake.notify()
-        return self._rest
+        return self.rest
 
     def calibrate(self, pose: Pose) -> Calibration:
         """Start the method from a pose that was just held, and catch up; InputError when the pose is not usable."""
@@ -177,7 +180,7 @@ class Tracking:
         """Samples kept of an instant and later, one block a stream."""
         with self._lock:
             kept = [list(takewhile(lambda b: b.t[-1] >= onset, reversed(blocks)))[::-1] for blocks in self._samples.values()]
-        return [join(blocks) for blocks in kept if blocks]
+        return [join(blocks).between(onset, np.inf) for blocks in kept if blocks]
 
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
         """The calibration with what is wrong with the sensors among its warnings."""
@@ -259,7 +262,7 @@ class Tracking:
                 newest = self._take(joined(waited))
             if newest is not None:
                 self._show(newest)
-            self._rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
+            self.rest = rest_after(time.monotonic() - began, time.thread_time() - computed)
 
     def _show(self, rows: Trajectory) -> None:
         """Hand rows on; what is done with them may fail, and the method goes on."""
@@ -342,6 +345,9 @@ class Tracking:
         if kept and kept[-1].stream != block.stream:
             kept.clear()
         kept.append(block)
+        if len(kept) >= BESIDE and all(len(kept[-k].t) < BESIDE for k in range(1, BESIDE + 1)):
+            loose = [kept.pop() for _ in range(BESIDE)]
+            kept.append(join(loose[::-1]))
         while kept[0].t[-1] < block.t[-1] - PAST_SAMPLES:
             kept.popleft()
 
@@ -374,15 +380,15 @@ def _latest(blocks: "deque[Block]", seconds: float) -> list[Block]:
 
 
 def _motions(block: Block) -> dict[str, Motion]:
-    gyr, acc = block.of(GYR), block.of(ACC)
-    whole = np.asarray(np.isfinite(np.concatenate([gyr, acc], axis=2)).all(axis=2))
-    found = {}
-    for k, segment in enumerate(block.stream.sensors):
-        if whole[:, k].any():
-            rates = gyr[whole[:, k], k]
-            spread = float(np.sqrt(((rates - rates.mean(axis=0)) ** 2).sum(axis=1).mean()))
-            found[segment] = Motion(spread, float(block.t[np.flatnonzero(whole[:, k])[-1]]))
-    return found
+    """Of every sensor that gave whole samples; all sensors at once."""
+    gyr, sensors = block.of(GYR), block.stream.sensors
+    whole = every(np.isfinite(gyr)) & every(np.isfinite(block.of(ACC)))  # (n, sensors)
+    samples = np.maximum(whole.sum(axis=0), 1)
+    mean = np.where(whole[..., None], gyr, 0.0).sum(axis=0) / samples[:, None]
+    off = np.where(whole[..., None], gyr - mean, 0.0)
+    rates = np.sqrt(np.einsum("nsa,nsa->s", off, off) / samples)
+    newest = block.t[len(block.t) - 1 - whole[::-1].argmax(axis=0)]
+    return {s: Motion(float(rates[k]), float(newest[k])) for k, s in enumerate(sensors) if whole[:, k].any()}
 
 
 def require_method(methods: Mapping[str, ModuleType], name: str) -> ModuleType:

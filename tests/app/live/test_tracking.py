@@ -67,6 +67,20 @@ def test_what_was_shown_live_is_bit_for_bit_what_a_batch_run_gives() -> None:
         np.testing.assert_array_equal(getattr(shown, name), getattr(batch, name), err_msg=name)
 
 
+def test_samples_are_kept_whole_from_the_instant_asked_for_in_few_blocks() -> None:
+    samples = dict(in_strips("left").samples)
+    tracking, _ = live()
+    with tracking:
+        for blocks in pieces(samples, length=0.01):
+            tracking._take(blocks)  # as if each had been waited for
+    kept = {b.stream.name: b for b in tracking.samples(2.005)}
+    assert {*kept} == {*samples}
+    for name, block in samples.items():
+        np.testing.assert_array_equal(kept[name].values, block.between(2.005, np.inf).values)
+    assert max(len(blocks) for blocks in tracking._samples.values()) < 0.15 * len(samples["hand"].t)
+    assert tracking.motion().keys() == {s for b in samples.values() for s in b.stream.sensors}
+
+
 def test_the_trail_is_the_path_of_the_last_seconds_seen_from_where_the_hand_is() -> None:
     recording = in_strips("left")
     tracking, _ = live()
