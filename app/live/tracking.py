@@ -356,8 +356,9 @@ def rest_after(took: float, computed: float) -> float:
     """How long (s) nothing more is wanted after blocks that it took so long to step, of which it computed only a part.
 
     Until they are stepped, and then as long again as others had the machine: where much waits for its turn, fewer and larger steps cost all of them less.
+    The two clocks are read one after the other: of a moment it may have computed longer than it took.
     """
-    return min(LONGEST_REST, took + (took - computed))
+    return min(LONGEST_REST, max(0.0, took + (took - computed)))
 
 
 def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: bool) -> NDArray[np.uint8]:

@@ -313,3 +313,4 @@ def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_tha
     assert rest_after(0.002, 0.002) == 0.002  # all of it was work: more is wanted at once
     assert rest_after(0.006, 0.002) == pytest.approx(0.010)
     assert rest_after(3.0, 0.1) == LONGEST_REST < 1 / 30
+    assert rest_after(1e-5, 3e-5) == 0.0  # nobody sleeps for less than no time
