@@ -46,7 +46,7 @@ from sessions.wire.messages import Cue
 log = logging.getLogger(__name__)
 TICK = 0.1  # s
 TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
-DRAWN = 1 / 60  # s, least time between two pictures of the scene
+DRAWN = 1 / 60  # s, least time between two pictures of the scene; more where blocks wait long for the tracker
 FLOWING = 0.5  # s without a sample that count as silence
 FINGER_LEAD = 2.5  # s in which the finger before has come to rest
 WIGGLE = 10.0  # s that bending one finger after the other takes
@@ -202,7 +202,7 @@ class Station:
         self.latest = rows
         self.curve.add(rows)
         self._viewers.notify()
-        if time.monotonic() - self._drawn >= DRAWN:
+        if time.monotonic() - self._drawn >= max(DRAWN, 2 * self.tracking.rest):
             self._draw_hand()
 
     def _draw_hand(self) -> None:

@@ -17,7 +17,9 @@ from app.scene.skinned_mesh import SkinnedMesh
 from estimators.hand_anatomy import FINGERS
 from estimators.quaternions import IDENTITY, Array
 
-_STILL = 1e-6  # a bone that turned less (quaternion components) or moved less (m) than this is not sent again
+# A bone that turned or moved less than this since it was sent is not sent again: a fiftieth of a millimetre at the tip of a finger, where a pixel is
+# some tenths; sensors that lie still tell as much
+_TURNED, _MOVED = 1e-4, 2e-5  # quaternion components, m
 
 
 class DrawnHand:
@@ -88,8 +90,8 @@ class DrawnHand:
 
     def bend(self, rotations: Array, places: Array) -> None:
         """Move the bones: rotations (bones, 4) and places (bones, 3), see bones.pose."""
-        turned = np.abs(rotations - self._rotations).max(axis=1) > _STILL
-        moved = np.abs(places - self._places).max(axis=1) > _STILL
+        turned = np.abs(rotations - self._rotations).max(axis=1) > _TURNED
+        moved = np.abs(places - self._places).max(axis=1) > _MOVED
         self._rotations = np.where(turned[:, None], rotations, self._rotations)
         self._places = np.where(moved[:, None], places, self._places)
         self._send([part for part in self._bones if part not in self._hidden], turned, moved)
