@@ -66,6 +66,8 @@ class Waiting:
 class State:
     strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
     noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
+    posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
+    pose_end: float  # s, until when they lie so
     waiting: Mapping[str, Waiting] = field(default_factory=dict)
     t: float = -np.inf  # s, newest row
     q_GB: Array | None = None  # (segments, 4) there
@@ -76,7 +78,11 @@ def start(calibration: Calibration, gyr_noise: float) -> State:
     """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that was noisier in the pose misses that much more."""
     seen = [calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS]
     noisy = np.array([max((n or 0.0) ** 2 - gyr_noise**2, 0.0) / 2 for n in seen])
-    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy)
+    posed = np.full((len(SEGMENTS), 4), np.nan)
+    for s, q_GS in calibration.q_GS.items():
+        if s in calibration.q_BS:
+            posed[SEGMENT[s]] = quat.multiply(q_GS, quat.conjugate(calibration.q_BS[s]))
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy, posed, calibration.end)
 
 
 def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
@@ -110,8 +116,17 @@ def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, m
     )
     t = float(rows.t[-1])
     kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
-    after = State(strange, state.noisy, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
+    if state.q_GB is None and rows.t[0] <= state.pose_end:
+        q_first[0] = _begun(state.posed, q_GB[0], q_first[0])
+    after = State(strange, state.noisy, state.posed, state.pose_end, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
     return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first, _magnetic(state.waiting.values(), rows.t))
+
+
+def _begun(posed: Array, q_GB: Array, q_first: Array) -> Array:
+    """Rotations (F, 3, 4) of the joints at the first row: those of the whole pose, where a fusion has no more than its first sample yet."""
+    q = np.where(np.isfinite(posed), posed, q_GB)[SENSORS]
+    q_pose = quat.relative(q[:, :-1], q[:, 1:])
+    return np.asarray(np.where(np.isfinite(q_pose), q_pose, q_first))
 
 
 def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:

@@ -59,6 +59,16 @@ def test_the_truth_is_recovered_without_noise(simulated: Simulated) -> None:
     assert not moved.flags.any()
 
 
+def test_joints_begin_as_the_whole_pose_has_them_not_as_its_first_sample(simulated: Simulated, rng: np.random.Generator) -> None:
+    """Accelerometers with 0.1 m/s^2 of noise a sample, 0.6 deg of inclination."""
+    noisy = {}
+    for name, b in simulated.samples.items():
+        noise = 0.1 * rng.normal(size=b.values.shape) * (np.arange(b.values.shape[-1]) // 3 == list(b.stream.quantities).index(ACC))
+        noisy[name] = replace(b, values=b.values + noise)
+    moved = _tracked(with_samples(simulated, noisy))
+    assert np.abs(moved.angles[0] - simulated.truth.angles[0])[IS_DOF].max() < 0.2 * DEG
+
+
 def test_every_angle_and_every_tip_has_a_standard_deviation(simulated: Simulated) -> None:
     moved = _tracked(simulated)
     assert moved.angles_sd is not None
