@@ -66,10 +66,12 @@ def resized(page: Page, size: tuple[int, int]) -> None:
     page.set_viewport_size(dict(zip(("width", "height"), size)))  # type: ignore[arg-type]
 
 
-def opened(browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: Callable[[str], None] = lambda url: None) -> Page:
-    """The page of a scene, logged in, when the hand has come."""
+def opened(
+    browser: Browser, served: Site, size: tuple[int, int] = QUICK, hear: Callable[[str], None] = lambda url: None, points: float = 1
+) -> Page:
+    """The page of a scene, logged in, when the hand has come; so many points of a picture a CSS pixel."""
     width, height = size
-    context = browser.new_context(viewport={"width": width, "height": height})
+    context = browser.new_context(viewport={"width": width, "height": height}, device_scale_factor=points)
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
     context.add_init_script(SELDOM)
     page = context.new_page()
@@ -134,7 +136,7 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
     browser: Browser, scene: HandScene, served: Site, sizes: tuple[str, ...], tmp_path: Path
 ) -> None:
     """A page is opened at the first size; at the shape of the small one all the others are."""
-    page = opened(browser, served, SIZES[sizes[0]])
+    page = opened(browser, served, SIZES[sizes[0]], points=0.5)  # a quarter of the work of drawing it
     for size in sizes:
         resized(page, SIZES[size])
         scene.show(postures.relaxed(), None)
