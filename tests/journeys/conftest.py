@@ -10,10 +10,11 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.browser import chromium
-from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shown
+from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shots, shown
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
+COARSE = 1 if shots() else 0.5  # pictures' points a CSS pixel on pages with the scene: a quarter of the work of drawing it
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
   const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
@@ -64,7 +65,8 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
     complaints: list[str] = []
 
     def make(scene: bool = True, at: str | None = "/", **options: object) -> Page:
-        context = browser.new_context(**{"viewport": SIZE, "accept_downloads": True, "base_url": server.base, **options})  # type: ignore[arg-type]
+        usual = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base, "device_scale_factor": COARSE if scene else 1}
+        context = browser.new_context(**{**usual, **options})  # type: ignore[arg-type]
         answer = context.request.post("/api/login", data={"token": server.token()})
         assert answer.ok, answer.text()
         context.set_default_timeout(LONG)

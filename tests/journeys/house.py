@@ -125,9 +125,14 @@ def scene_drawn(page: Page) -> Frame:
     return frame
 
 
+def shots() -> str:
+    """The folder for screenshots, where HANDSCOPE_SHOTS names one."""
+    return os.environ.get("HANDSCOPE_SHOTS", "")
+
+
 def keep_picture(page: Page, name: str) -> None:
-    """Screenshots at both sizes, where HANDSCOPE_SHOTS names a folder."""
-    if folder := os.environ.get("HANDSCOPE_SHOTS"):
+    """Screenshots at both sizes, where they are wanted."""
+    if folder := shots():
         before = page.viewport_size
         for size, (width, height) in SIZES.items():
             page.set_viewport_size({"width": width, "height": height})
