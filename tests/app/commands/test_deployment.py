@@ -36,6 +36,9 @@ def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
     proxy = ip_address(told["services"]["proxy"]["networks"]["inside"]["ipv4_address"])
     assert proxy in ip_network(addresses["subnet"])
     assert proxy not in ip_network(addresses["ip_range"])
+    more = yaml.safe_load((ROOT / "deploy" / "compose.override.example.yaml").read_text())["services"]["handscope"]
+    shared = {*more["networks"], *told["services"]["handscope"]["networks"]} & set(told["services"]["proxy"]["networks"])
+    assert shared == {"inside"}, "the proxy could come from another address, and what it says of TLS would count for nothing"
 
 
 def test_every_health_check_says_how_it_is_run() -> None:
