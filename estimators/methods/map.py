@@ -59,7 +59,8 @@ class Params(salchow.Params, Noise, Asked):
     hand_skin: float = option(
         1.0,
         "1",
-        "how far skin moves the hand's sensor with the fingers, share of skin_turn and skin_slide; 0 where it sits on something rigid",
+        "how far skin moves the hand's sensor with the fingers, before that is known: share of what it was found to do to the fingers' own sensors;"
+        " 0 where the hand's sits on something rigid",
         "ours: skin of the back of the hand moves as the fingers' does",
         least=0.0,
     )
@@ -139,12 +140,12 @@ def _together(
     params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
 ) -> tuple[list[Finger], list[str]]:
     """All fingers, or the only one, as one problem with the hand and its skin; as they were found alone where that does not come to an end."""
-    share = max(params.hand_skin, RIGID)
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
+    turn, slide = (max(params.hand_skin * softness, RIGID) for softness in _softness(params, alone))
     try:
         found = hand_solver.solve(
             [f.solution for f in alone],
-            replace(noise, skin_turn=share * noise.skin_turn, skin_slide=share * noise.skin_slide),
+            replace(noise, skin_turn=turn * noise.skin_turn, skin_slide=slide * noise.skin_slide),
             TOGETHER,
             lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
         )
@@ -159,6 +160,18 @@ def _together(
         _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
         for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
     ], []
+
+
+def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float]:
+    """How far skin turns and slides the fingers' sensors, share of what was believed: what was found and what it may be off by, squared and added,
+    is the variance that makes the found most likely (the M step of Dempster, Laird & Rubin 1977); where movement tells nothing it stays 1."""
+    turns, slides = [], []
+    for found in (finger.solution for finger in alone if finger.name in CHAINS):
+        c, variance = columns(found.problem.chain), np.diag(found.factor.covariance)
+        turns.append(found.at.skin_turn.ravel() ** 2 + variance[c.skin_turn])
+        slides.append(found.at.skin_slide.ravel() ** 2 + variance[c.skin_slide])
+    turn, slide = (float(np.sqrt(np.concatenate(squares).mean())) * np.pi / 2 for squares in (turns, slides))  # for 90 deg
+    return turn / np.radians(params.skin_turn), slide / (1e-3 * params.skin_slide)
 
 
 def _described(params: Params, recording: Recording, finger: str, t: Array, found: Solution, draws: Iterable[Unknowns]) -> Finger:

@@ -19,7 +19,7 @@ from tests.estimators.self_calibration.fingers import recorded, stiffened, watch
 
 DEG = np.pi / 180
 METHOD = BATCH["map"]
-PRINTED = METHOD.Params(hand_skin=0.0)  # the board of an artificial finger is rigid
+PRINTED = METHOD.Params(hand_skin=0.0)  # soft fingers on a rigid board, which nothing but the option tells
 
 
 def _with(recording: Simulated, values: np.ndarray, start: float = 0.0, stop: float = np.inf) -> Simulated:
@@ -86,10 +86,19 @@ def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -
     assert np.isfinite(moved.tips_sd[:, 1]).all() and moved.tips_sd[inside, 1].max() < 0.02
 
 
+def test_where_fingers_have_no_skin_the_hand_is_not_believed_to_have_any() -> None:
+    """A hand's skin that slides with the joint looks like length: where it may, a length is not known to a hundredth."""
+    recording = recorded(2, 16.0, skin=False)
+    (found,) = process(METHOD, METHOD.Params(), recording).calibrations
+    for name in SEGMENTS[1:3]:
+        off = found.geometry.lengths[name] - artificial_finger.HINGES
+        assert abs(off) < 3.0 * found.lengths_sd[name] < 0.01 * artificial_finger.HINGES
+
+
 def test_a_stiff_joint_is_named_and_the_rest_is_calibrated() -> None:
     """PIP stays at 20 deg: its neighbours' lengths stay as given, and what is told of angles holds."""
     recording = stiffened(4, 11.0, {"index_pip_flexion": 20.0})
-    done = process(METHOD, PRINTED, recording)
+    done = process(METHOD, METHOD.Params(), recording)
     (said,) = (w for w in done.warnings if "hardly moved" in w)
     assert said.startswith("index_pip (")
     assert "the lengths of index_proximal, index_middle stay as given" in said
@@ -107,7 +116,7 @@ def test_a_hand_that_lay_still_is_told_what_to_do() -> None:
     recording = recorded(2, 16.0, skin=True)
     values = np.tile(recording.samples["imu"].values[:200], (8, 1, 1))
     with pytest.raises(InputError, match=r"turned at 0 deg/s on average .* move the hand in all directions"):
-        process(METHOD, PRINTED, _with(recording, values))
+        process(METHOD, METHOD.Params(), _with(recording, values))
 
 
 def test_gaps_that_leave_no_long_stretch_are_told() -> None:
@@ -115,14 +124,14 @@ def test_gaps_that_leave_no_long_stretch_are_told() -> None:
     values = recording.samples["imu"].values.copy()
     values[800:850, 3] = np.nan
     with pytest.raises(InputError, match=r"\(1, most of index_distal\) leave no longer stretch than 8\.0 s"):
-        process(METHOD, PRINTED, _with(recording, values))
+        process(METHOD, METHOD.Params(), _with(recording, values))
 
 
 def test_five_seconds_are_too_few() -> None:
     recording = recorded(2, 16.0, skin=True)
     short = _with(recording, recording.samples["imu"].values, 4.0, 9.01)
     with pytest.raises(InputError, match=r"5\.0 s of movement, self-calibration needs 10 s"):
-        process(METHOD, PRINTED, short)
+        process(METHOD, METHOD.Params(), short)
     assert max(o.share for o in watched(short, start=4.0, stop=9.0)) < 0.6, "nor does the live meter say enough"
 
 
@@ -152,7 +161,7 @@ def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
     values, knocks = recording.samples["imu"].values.copy(), {1: 7.57, 2: 7.94, 3: 8.31}
     for row, at in knocks.items():
         values[round(100 * at), row, :3] += 300 * DEG * rng.standard_normal(3)
-    done = process(METHOD, PRINTED, _with(recording, values))
+    done = process(METHOD, METHOD.Params(), _with(recording, values))
     for row, at in knocks.items():
         said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations 1 times, first at {at:.1f} s"
         assert any(w.startswith(said) for w in done.warnings)
@@ -170,13 +179,13 @@ def test_a_finger_of_which_the_first_sensor_is_silent_is_refused_by_name() -> No
     values = recording.samples["imu"].values.copy()
     values[:, 1] = np.nan
     with pytest.raises(InputError, match="index: the sensor of index_proximal gave no samples; it is not calibrated"):
-        process(METHOD, PRINTED, _with(recording, values))
+        process(METHOD, METHOD.Params(), _with(recording, values))
 
 
 def test_an_event_says_when_the_hand_moved_freely() -> None:
     recording = replace(recorded(2, 16.0, skin=True), events=(Event(3.0, 4.0, "free_movement"),))
     with pytest.raises(InputError, match=r"4\.0 s of movement"):
-        process(METHOD, PRINTED, recording)
+        process(METHOD, METHOD.Params(), recording)
 
 
 def test_without_the_hands_sensor_there_is_nothing_to_relate_fingers_to() -> None:
@@ -184,7 +193,7 @@ def test_without_the_hands_sensor_there_is_nothing_to_relate_fingers_to() -> Non
     block = recording.samples["imu"]
     fingers = Block(replace(block.stream, sensors=SEGMENTS[1:]), block.t, block.values[:, 1:])
     with pytest.raises(InputError, match="no inertial sensor on the hand"):
-        process(METHOD, PRINTED, replace(recording, samples={"imu": fingers}))
+        process(METHOD, METHOD.Params(), replace(recording, samples={"imu": fingers}))
 
 
 def test_every_option_says_what_it_means() -> None:
