@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from app.commands.words import database_url, default_data, say
 from estimators.errors import InputError
 from sessions import audit
-from sessions.database import open_database
+from sessions.database import FILE, open_database
 from sessions.tables import AuditLine
 
 BROKEN = 1  # exit code
@@ -36,6 +36,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    if not arguments.database and not (arguments.data / FILE).is_file():
+        raise InputError(
+            f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
+        )
     with opened(arguments.data, arguments.database) as db:
         if arguments.action == "list":
             for line in audit.lines(db, arguments.who, arguments.what, arguments.patient, limit=arguments.most):

@@ -72,6 +72,12 @@ def test_accounts_and_the_trail_are_those_of_the_server_s_database(
     assert not (tmp_path / "handscope.sqlite").exists()
 
 
+def test_where_no_database_is_no_trail_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["audit", "verify", "--data", str(tmp_path)]) != 0
+    assert "has no database" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_provider_s_words_for_roles_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HANDSCOPE_OIDC_ROLES", "hand-therapists=clinician movement-lab=scientist")
     parser = argparse.ArgumentParser()
