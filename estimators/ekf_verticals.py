@@ -21,7 +21,7 @@ from estimators.small_matrices import spread
 @inlined
 def seen_row(p: Array, span: float, acc: Array, told: Array, rates: Array, lively: Array, began: Array, lies: Array) -> None:
     """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `lies` (4, 3); `began` (4, 3) is the first, 0 before it."""
-    weight = span / p[INCLINATION_TIME] if span < p[INCLINATION_TIME] else 1.0
+    weight = span / max(span, p[INCLINATION_TIME])
     for s in range(4):
         lively[s] += weight * (rates[s] ** 2 - lively[s])
         size = np.sqrt(acc[s, 0] ** 2 + acc[s, 1] ** 2 + acc[s, 2] ** 2)
