@@ -33,9 +33,7 @@ from estimators.trajectory import Flag, Trajectory
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibration step just done
-PAST_POSES = (
-    PAST_SAMPLES  # s of trajectory kept: whoever asks for poses (what is held, the meter of free movement) asks for their samples, too
-)
+PAST_POSES = PAST_SAMPLES  # s of trajectory kept: whoever asks for poses asks for their samples, too
 TOGETHER = 128  # pieces of it that are laid together: few large arrays take less memory than many small ones, and the collector of garbage less time
 BESIDE = 16  # small blocks of a stream's samples that are laid together: a second of them is looked at ten times a second
 PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer

@@ -31,7 +31,10 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     begin_session(page, "left")
     scene_drawn(page)
     shown(act(page, "continue"))
-    shown(page.get_by_text(re.compile("all 7 strips found|7 of 7 strips, see below")))  # below stands what a busy machine may have lost
+    shown(
+        page.get_by_text(re.compile("all 7 strips found|7 of 7 strips, see below"))
+    )  # below stands what a busy machine may have lost, and
+    expect(page.get_by_text(re.compile("Not found:|Damaged data|could not be read|at its limit|started again"))).to_have_count(0)
     shown(page.get_by_text("Moving: index finger"))
     keep_picture(page, "station-connect")
     act(page, "continue").click()
