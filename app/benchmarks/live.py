@@ -62,6 +62,7 @@ async def watch(client: Client, stations: Sequence[str], viewers: int, seconds: 
         raise RuntimeError("a viewer's 3-D scene was closed")
     for scene in scenes:
         scene.cancel()
+    await asyncio.gather(*scenes, return_exceptions=True)  # each says goodbye
     return ages
 
 
