@@ -87,9 +87,7 @@ class Track:
     q_bt_sd: Array  # (n, 3) rad, about the axes of t
     q_gb_sd: Array  # (n, 3) rad, about the axes of b
     snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
-    lateness: (
-        Array  # (n,) s by which the magnetometers' readings are stamped later than the inertial ones; accounted for where not doubtful
-    )
+    lateness: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
     lateness_sd: Array  # (n,) s
     surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
     saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out

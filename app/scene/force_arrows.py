@@ -43,7 +43,9 @@ class ForceArrows:
     def show(self, forces: Array | None, angles: Array) -> None:
         """Forces in the hand's frame; a force that is not known (NaN) or hardly any has no arrow."""
         if forces is None:
-            forces = np.full((len(FINGERS), 3), np.nan)
+            for shown in (*self._arrows.values(), *self._newtons.values()):
+                shown.visible = False
+            return
         for arrow, newtons, tip, force in zip(
             self._arrows.values(), self._newtons.values(), bones.tips(angles, self._geometry), forces, strict=True
         ):
