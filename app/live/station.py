@@ -211,10 +211,10 @@ class Station:
             rows = self.latest
             if rows is not None and rows is not self._shown:
                 self._drawn, self._shown = time.monotonic(), rows
-                trail = self._trail()
                 with self.scene.picture():
                     self.scene.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
-                    self.scene.trail(trail)
+                    if self._viewers:  # following the hand costs a fifth of tracking it
+                        self.scene.trail(self._trail())
 
     def _trail(self) -> Array:
         """The hand's path of the last seconds, where it went anywhere."""

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import functional_calibration, functional_steps, hand_filter, initial_pose, mounting_checks, sensor_checks, trajectory
+from app.live.hand_trail import HandTrail
+from estimators import functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration, Known
 from estimators.errors import InputError
 from estimators.finding import Finding
 from estimators.functional_steps import Piece
 from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
-from estimators.hand_filter import HandFilterParams, HandPath
 from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.processing import with_known
@@ -36,7 +36,7 @@ PAST_SAMPLES = 90.0  # s of raw samples kept, for a pose just held or a calibrat
 PAST_POSES = PAST_SAMPLES  # s of trajectory kept: whoever asks for poses asks for their samples, too
 TOGETHER = 128  # pieces of it that are laid together: few large arrays take less memory than many small ones, and the collector of garbage less time
 BESIDE = 16  # small blocks of a stream's samples that are laid together: a second of them is looked at ten times a second
-PAST_PATH = 3.0  # s of the hand's path kept: between standstills it is good for no longer
+TURNED = 0.1  # s in which the hand's orientation is looked for
 GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
 LONGEST_REST = 0.03  # s between two feedings, of the 80 ms that a viewer under load may be told late
@@ -95,8 +95,7 @@ class Tracking:
         self._state: Any = None
         self._samples: dict[str, deque[Block]] = {}
         self._poses: deque[Trajectory] = deque()
-        self._path_state: hand_filter.State | None = None
-        self._path: deque[HandPath] = deque()
+        self._trail = HandTrail()
 
     def __enter__(self) -> "Tracking":
         self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
@@ -145,10 +144,11 @@ class Tracking:
         before, self._before = self._before, None
         with self._lock:
             if before is None or before.calibration is None:
-                self.calibration, self._state, self._path_state = None, None, None
+                self.calibration, self._state = None, None
+                self._trail.begin(None)
                 return None
             self.calibration, self._state, self.findings, self._doubts = before.calibration, before.state, before.findings, before.doubts
-            self._path_state, self._path = None, deque()
+            self._trail.begin(before.calibration)
             self._poses.clear()
             self._catch_up(before.seen)
             return self.calibration
@@ -197,8 +197,8 @@ class Tracking:
         with self._lock:
             self._samples.clear()
             self._poses.clear()
-            self._path.clear()
-            self.calibration, self._state, self._path_state, self._before, self.pieces, self.known = None, None, None, None, {}, None
+            self._trail.begin(None)
+            self.calibration, self._state, self._before, self.pieces, self.known = None, None, None, {}, None
             self.findings, self._doubts = (), np.zeros(len(SEGMENTS), np.uint8)
 
     def begin(self, calibration: Calibration) -> None:
@@ -226,13 +226,16 @@ class Tracking:
         return trajectory.join(pieces, self.hand).between(start, stop)
 
     def trail(self, seconds: float) -> Array:
-        """Where the hand has been in the last seconds (n, 3) m in the global frame, seen from where it is now; oldest first."""
+        """Where the hand has been in the last seconds (n, 3) m in the global frame, seen from where it is now; oldest first. Computed when it is asked for."""
         with self._lock:
-            pieces = [p for p in self._path if p.t[-1] >= self._path[-1].t[-1] - seconds]
-        if not pieces:
-            return np.empty((0, 3))
-        t, places = np.concatenate([p.t for p in pieces]), np.concatenate([p.p for p in pieces])
-        return np.asarray(places[t >= t[-1] - seconds] - places[-1])
+            hand = next((b for b in self._samples.values() if b and b[-1].stream.inertial and "hand" in b[-1].stream.sensors), ())
+            self._trail.follow(hand, self._turned)
+            return self._trail.places(seconds)
+
+    def _turned(self, t: float) -> Array | None:
+        """Orientation of the hand (4,) in the global frame as it was shown at an instant; None where it was not."""
+        rows = self.past(t, t + TURNED)
+        return rows.q_GS[0, SEGMENT["hand"]] if len(rows) and np.isfinite(rows.q_GS[0, SEGMENT["hand"]]).all() else None
 
     def drain(self) -> None:
         """Give out what the method still holds back: nothing more will come."""
@@ -293,7 +296,6 @@ class Tracking:
         for block in blocks:
             self._state, piece = self.method.step(self.params, self._state, block)
             pieces.append(piece)
-            self._follow(block)
         self._state, late = self.method.release(self.params, self._state, self._patience)
         pieces = [p for p in (*pieces, late) if len(p)]
         if not pieces:
@@ -311,19 +313,9 @@ class Tracking:
         """The rows with what is known of their sensors since the calibration."""
         return replace(rows, flags=rows.flags | self._doubts) if self._doubts.any() else rows
 
-    def _follow(self, block: Block) -> None:
-        """Take the hand's path on."""
-        if self._path_state is not None:
-            self._path_state, piece = hand_filter.step(HandFilterParams(), self._path_state, block)
-            if len(piece):
-                self._path.append(piece)
-                while self._path[0].t[-1] < piece.t[-1] - PAST_PATH:
-                    self._path.popleft()
-
     def _begin(self, calibration: Calibration) -> None:
         self.calibration = calibration
-        self._path_state = hand_filter.start(HandFilterParams(), calibration)
-        self._path.clear()
+        self._trail.begin(calibration)
         self._state = self.method.start(self.params, calibration, self._streams())
         self._poses.clear()
         self._catch_up(dict.fromkeys(self._samples, float(np.nextafter(calibration.t, -np.inf))))

@@ -8,11 +8,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from app.live.hand_trail import REACH
 from app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
-from estimators import initial_pose, processing, trajectory
+from estimators import hand_filter, initial_pose, processing, trajectory
 from estimators.errors import InputError
 from estimators.functional_steps import STEPS
 from estimators.hand_anatomy import SEGMENT
+from estimators.hand_filter import HandFilterParams
 from estimators.methods import m2
 from estimators.samples import Block, Event, joined
 from estimators.simulation import functional, tasks
@@ -81,16 +83,28 @@ def test_samples_are_kept_whole_from_the_instant_asked_for_in_few_blocks() -> No
     assert tracking.motion().keys() == {s for b in samples.values() for s in b.stream.sensors}
 
 
-def test_the_trail_is_the_path_of_the_last_seconds_seen_from_where_the_hand_is() -> None:
-    recording = in_strips("left")
-    tracking, _ = live()
-    with tracking:
-        assert len(tracking.trail(1.0)) == 0
-        play(tracking, dict(recording.samples), initial_pose.pose_of(recording.events[0]))
-        trail = tracking.trail(1.0)
-    assert len(trail) == pytest.approx(100, abs=2)
+def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_for_it() -> None:
+    recording, shown = in_strips("left"), []
+    watched = Tracking(m2, PARAMS, "left", recording.geometry, lambda _: shown.append(watched.trail(1.0)))
+    late, _ = live()
+    pose = initial_pose.pose_of(recording.events[0])
+    with watched:
+        assert len(watched.trail(1.0)) == 0
+        play(watched, dict(recording.samples), pose)
+        trail = watched.trail(1.0)
+    late._take(list(recording.samples.values()))
+    late.calibrate(pose)
+    asked_at_last = late.trail(1.0)
+    late.take_back()
+    assert len(late.trail(1.0)) == 0
+    assert watched.calibration is not None and recording.samples["hand"].t[-1] - watched.calibration.t > REACH
+    assert len(shown) > 20 and len(trail) == pytest.approx(100, abs=2)
     np.testing.assert_array_equal(trail[-1], 0.0)
+    start = hand_filter.start(HandFilterParams(), watched.calibration)
+    _, path = hand_filter.step(HandFilterParams(), start, recording.samples["hand"].between(watched.calibration.t, np.inf))
+    np.testing.assert_allclose(trail, path.p[-len(trail) :] - path.p[-1], atol=1e-9)
     assert 0 < np.ptp(trail, axis=0).max() < 0.05  # fingers wiggle, the hand stays
+    np.testing.assert_allclose(asked_at_last, trail, atol=2e-3)
 
 
 def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
