@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from app.live.tracking import Motion
+from app.live.motion import Motion
 from estimators.hand_anatomy import CHAINS, FINGERS
 
 MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.live.hand_trail import HandTrail
+from app.live.motion import Motion, latest, motions
 from estimators import functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
 from estimators.calibration import Calibration, Known
-from estimators.errors import InputError
 from estimators.finding import Finding
 from estimators.functional_steps import Piece
 from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
@@ -27,7 +27,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.initial_pose import Pose
 from estimators.processing import with_known
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, every, join, joined
+from estimators.samples import Block, join, joined
 from estimators.trajectory import Flag, Trajectory
 
 log = logging.getLogger(__name__)
@@ -41,14 +41,6 @@ GUESSED_FROM = 1.0  # s of samples that tell gravity where nothing is calibrated
 AGAIN = 3  # failures in a row after which a method does not go on from its last state: that is what it fails of
 LONGEST_REST = 0.03  # s between two feedings, of the 80 ms that a viewer under load may be told late
 PATIENCE = 0.1  # s that a silent strip is waited for
-
-
-@dataclass(frozen=True)
-class Motion:
-    """How much a sensor moves right now."""
-
-    rate: float  # rad/s, mean angular rate over the last second against its own mean
-    seen: float  # s, newest sample
 
 
 @dataclass(frozen=True)
@@ -209,9 +201,9 @@ class Tracking:
     def motion(self) -> dict[str, Motion]:
         """How much each sensor moves, from the last second of its samples, by segment."""
         with self._lock:  # the method waits for it: no more than take the blocks
-            recent = [_latest(blocks, 1.0) for blocks in self._samples.values()]
+            recent = [latest(blocks, 1.0) for blocks in self._samples.values()]
         seconds = (join(blocks).between(blocks[-1].t[-1] - 1.0, np.inf) for blocks in recent if blocks)
-        return {segment: m for block in seconds for segment, m in _motions(block).items()}
+        return {segment: m for block in seconds for segment, m in motions(block).items()}
 
     def newest_sample(self) -> float:
         """Time of the newest sample of any stream, s; -inf before the first."""
@@ -360,30 +352,3 @@ def doubts(calibration: Calibration, findings: Sequence[Finding], magnetometer: 
     for segment in calibration.q_BS if calibration.source == "none" else ():
         flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)
     return flags
-
-
-def _latest(blocks: "deque[Block]", seconds: float) -> list[Block]:
-    """The newest blocks that hold so many seconds, in order; none of a stream that tells no movement."""
-    if not blocks or not blocks[-1].stream.inertial:
-        return []
-    recent = list(takewhile(lambda b: b.t[-1] >= blocks[-1].t[-1] - seconds, reversed(blocks)))
-    return recent[::-1]
-
-
-def _motions(block: Block) -> dict[str, Motion]:
-    """Of every sensor that gave whole samples; all sensors at once."""
-    gyr, sensors = block.of(GYR), block.stream.sensors
-    whole = every(np.isfinite(gyr)) & every(np.isfinite(block.of(ACC)))  # (n, sensors)
-    samples = np.maximum(whole.sum(axis=0), 1)
-    mean = np.where(whole[..., None], gyr, 0.0).sum(axis=0) / samples[:, None]
-    off = np.where(whole[..., None], gyr - mean, 0.0)
-    rates = np.sqrt(np.einsum("nsa,nsa->s", off, off) / samples)
-    newest = block.t[len(block.t) - 1 - whole[::-1].argmax(axis=0)]
-    return {s: Motion(float(rates[k]), float(newest[k])) for k, s in enumerate(sensors) if whole[:, k].any()}
-
-
-def require_method(methods: Mapping[str, ModuleType], name: str) -> ModuleType:
-    """The method of that name; InputError names those there are."""
-    if name not in methods:
-        raise InputError(f"there is no method {name!r}; methods are {', '.join(methods)}")
-    return methods[name]
