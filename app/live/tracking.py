@@ -265,34 +265,44 @@ class Tracking:
             log.exception("a pose could not be shown")
 
     def _take(self, blocks: list[Block]) -> Trajectory | None:
-        """Remember and step; a method that fails goes on from its last good state, and from its calibration where that fails again and again."""
+        """Remember and step; what a step that fails would have made of its block is lost and nothing else, and the failure is counted."""
         for block in blocks:
             self._remember(block)
         if self._state is None:
             return None
-        try:
-            rows = self._step(blocks)
-            self._failed_since = 0
-            return rows
-        except Exception:  # any failure of a method must leave the station alive: it is counted, shown and started again
-            log.exception("the method failed and is started again")
-            self.failures += 1
-            self._failed_since += 1
-            if self._failed_since > AGAIN:
-                assert self.calibration is not None
-                self._state, self._failed_since = self.method.start(self.params, self.calibration, self._streams()), 0
-            return None
+        faults: list[Exception] = []
+        pieces = [self._survived(faults, self.method.step, block) for block in blocks]
+        pieces.append(self._survived(faults, self.method.release, self._patience))
+        self.failures += len(faults)
+        self._failed_since = self._failed_since + 1 if faults else 0
+        if faults:
+            log.error("the method failed and goes on from its state before", exc_info=faults[0])  # the first stands for all of these blocks
+        if self._failed_since > AGAIN:
+            self._start_again()
+        return self._kept(pieces)
 
-    def _step(self, blocks: list[Block]) -> Trajectory | None:
-        pieces = []
-        for block in blocks:
-            self._state, piece = self.method.step(self.params, self._state, block)
-            pieces.append(piece)
-        self._state, late = self.method.release(self.params, self._state, self._patience)
-        pieces = [p for p in (*pieces, late) if len(p)]
-        if not pieces:
+    def _survived(self, faults: list[Exception], face: Callable[..., tuple[Any, Trajectory]], given: Block | float) -> Trajectory:
+        """The rows of one step; where it fails the fault is noted and the state stays what it was."""
+        try:
+            self._state, rows = face(self.params, self._state, given)
+        except Exception as fault:  # any failure of a method must leave the station alive
+            faults.append(fault)
+            return trajectory.empty(self.hand)
+        return rows
+
+    def _start_again(self) -> None:
+        """From the calibration: it is the last state that it fails of."""
+        assert self.calibration is not None
+        try:
+            self._state, self._failed_since = self.method.start(self.params, self.calibration, self._streams()), 0
+        except Exception:
+            log.exception("the method could not be started again")
+
+    def _kept(self, pieces: Sequence[Trajectory]) -> Trajectory | None:
+        """The rows of these pieces, remembered; None where there are none."""
+        if not any(len(p) for p in pieces):
             return None
-        rows = self._doubted(trajectory.join(pieces, self.hand))
+        rows = self._doubted(trajectory.join([p for p in pieces if len(p)], self.hand))
         self._poses.append(rows)
         if len(self._poses) >= TOGETHER and len(self._poses[-TOGETHER]) < TOGETHER:
             loose = [self._poses.pop() for _ in range(TOGETHER)]
@@ -318,6 +328,15 @@ class Tracking:
         later = [join(list(blocks)).between(first.get(name, -np.inf), np.inf) for name, blocks in self._samples.items() if blocks]
         if any(len(b.t) for b in later):  # one block a stream: thousands of small steps would take seconds, and the queue run over
             self._step([b for b in later if len(b.t)])
+
+    def _step(self, blocks: Sequence[Block]) -> None:
+        """Of what was kept; a failure is the caller's."""
+        pieces = []
+        for block in blocks:
+            self._state, piece = self.method.step(self.params, self._state, block)
+            pieces.append(piece)
+        self._state, late = self.method.release(self.params, self._state, self._patience)
+        self._kept([*pieces, late])
 
     def _streams(self) -> tuple[Any, ...]:
         return tuple(blocks[-1].stream for blocks in self._samples.values() if blocks)

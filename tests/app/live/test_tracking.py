@@ -1,5 +1,6 @@
 """The live tracker: the same numbers as in batch, never in the way of what feeds it, alive after a method fails."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from types import ModuleType, SimpleNamespace
@@ -116,12 +117,14 @@ def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
 
 @pytest.mark.parametrize("times", [1, 7])
 def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_calibration(times: int) -> None:
-    failing, started = {"left": times}, []
+    failing, started, taken, lost = {"left": times}, [], Counter[str](), Counter[str]()
 
     def step(params: Any, state: Any, block: Block) -> Any:
-        if failing["left"] and block.t[0] > 8.0:
+        if failing["left"] and block.stream.name == "hand" and block.t[0] > 8.0:
             failing["left"] -= 1
+            lost["hand"] += len(block.t)
             raise RuntimeError("singular")
+        taken[block.stream.name] += len(block.t)
         return m2.step(params, state, block)
 
     def start(*arguments: Any) -> Any:
@@ -137,6 +140,9 @@ def test_a_method_that_fails_goes_on_from_its_last_state_and_at_last_from_its_ca
         wait_for(lambda: rows and rows[-1].t[-1] > 12.0)
     assert tracking.failures == times
     assert len(started) == 1 + times // 4  # once for the calibration
+    assert tracking.calibration is not None
+    whole = {name: int((block.t >= tracking.calibration.t).sum()) for name, block in recording.samples.items()}
+    assert taken + lost == whole, "what did not fail lost nothing, neither of this stream nor of another"
     assert np.isfinite(trajectory.join(rows[-5:], "left").tips).all()
     if times == 1:  # some 20 ms were left out: nothing of the heading is lost
         k = int(np.searchsorted(tracked(recording).t, rows[-1].t[-1]))
