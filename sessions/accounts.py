@@ -26,6 +26,7 @@ CLINICIAN, SCIENTIST, ADMINISTRATOR = ROLES = ("clinician", "scientist", "admini
 LOCAL = "local"
 NAME = re.compile(r"[\w.@+-]{1,64}")
 SHORTEST, LONGEST = 12, 256  # characters of a password
+LONGEST_SUBJECT = 400  # characters of issuer and subject
 DIFFERENT = 5  # characters that a password has at least
 _hasher = PasswordHasher()
 _working = threading.BoundedSemaphore(2)  # hashes at once: each takes 64 MiB and a tenth of a second

@@ -90,14 +90,17 @@ def alive(db: Session, cookie: str | None, idle: float, longest: float) -> Login
     return login
 
 
-def end(db: Session, cookie: str | None) -> None:
-    """End a login."""
+def end(db: Session, cookie: str | None) -> Account | None:
+    """End a login; gives whose it was."""
     login = db.scalar(select(Login).where(Login.token_hash == _hash(cookie or "")))
-    if login is not None:
-        audit.by(db, login.account.name, db.info.get("address", ""))
-        audit.tell(db, Happened("logged out", "account", str(login.account_id)))
-        db.delete(login)
-        db.commit()
+    if login is None:
+        return None
+    account = login.account
+    audit.by(db, account.name, db.info.get("address", ""))
+    audit.tell(db, Happened("logged out", "account", str(account.id)))
+    db.delete(login)
+    db.commit()
+    return account
 
 
 def end_all(db: Session, account: Account, but: str | None = None) -> None:

@@ -75,8 +75,8 @@ function followed(event) {
 }
 
 async function logOut() {
-  await api.remove("/api/login").catch(() => {});
-  location.assign("/login");
+  const told = await api.remove("/api/login").catch(() => null);
+  location.assign(told?.next ?? "/login");
 }
 
 document.body.append(

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.exc import DBAPIError
-from starlette.responses import FileResponse, RedirectResponse
+from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
 from app.api.access import cookie_name, cookie_of, secure
 from app.api.pages import STATIC
@@ -59,10 +59,12 @@ def log_in(parts: PartsDep, db: Db, request: Request, given: Proof) -> Response:
     return with_cookie(Response(status_code=204), request, logins.begin(db, account))
 
 
-@router.delete("/login", status_code=204)
-def log_out(db: Db, request: Request) -> Response:
-    logins.end(db, cookie_of(request))
-    response = Response(status_code=204)
+@router.delete("/login", status_code=204, responses={200: {"description": "ended; the page named by `next` ends the organisation's login"}})
+def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
+    """`next` is where the browser goes then, where that is not our login page: whom the organisation let in, it would let in again."""
+    account = logins.end(db, cookie_of(request))
+    single = account is not None and account.subject is not None and parts.settings.sign_on is not None
+    response = JSONResponse({"next": "/login/sso/end"}) if single else Response(status_code=204)
     response.delete_cookie(cookie_name(request.scope), path="/", secure=secure(request.scope), httponly=True, samesite="strict")
     return response
 

@@ -1,5 +1,6 @@
 """/login/sso: to the organisation's login and back"""
 
+import logging
 import secrets
 from typing import Annotated
 
@@ -10,11 +11,12 @@ from app.api.access import secure
 from app.api.login import with_cookie
 from app.api.roles import ANYBODY, may
 from app.api.state import Db, PartsDep
-from app.single_sign_on import SignOn, identity, leave, roles_of
+from app.single_sign_on import NAME, Answer, SignOn, SignOnError, farewell, identity, leave, roles_of, subject_of
 from estimators.errors import InputError
 from sessions import accounts, audit, logins
 from sessions.audit import Happened
 
+log = logging.getLogger(__name__)
 router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
 COOKIE, MINUTES = "handscope-sso", 10
 IN = '<!doctype html><title>Handscope</title><meta http-equiv="refresh" content="0; url=/"><a href="/">Handscope</a>'
@@ -24,7 +26,10 @@ IN = '<!doctype html><title>Handscope</title><meta http-equiv="refresh" content=
 def go(parts: PartsDep, request: Request) -> Response:
     """To the provider."""
     word = secrets.token_urlsafe(32)
-    response = RedirectResponse(leave(_agreed(parts.settings.sign_on), word, _back(request)), 303)
+    try:
+        response = RedirectResponse(leave(_agreed(parts.settings.sign_on), word, _ours(request, "/login/sso/answer")), 303)
+    except SignOnError as problem:
+        return _not_in(problem)
     response.set_cookie(
         COOKIE, word, max_age=60 * MINUTES, path="/login/sso", httponly=True, samesite="lax", secure=secure(request.scope)
     )  # lax: it must come along when the provider sends the browser back
@@ -38,21 +43,42 @@ def come_back(
     request: Request,
     state: Annotated[str, Query(max_length=200)] = "",
     code: Annotated[str, Query(max_length=4000)] = "",
+    error: Annotated[str, Query(max_length=200)] = "",
+    iss: Annotated[str, Query(max_length=400)] = "",
 ) -> Response:
     """From the provider. The page that follows is asked for by ours, so that it comes with the strict cookie."""
-    agreed = _agreed(parts.settings.sign_on)
+    agreed, given = _agreed(parts.settings.sign_on), Answer(state=state, code=code, error=error, issuer=iss)
     try:
-        claims = identity(agreed, request.cookies.get(COOKIE, ""), _back(request), state, code)
-        name = str(claims.get("preferred_username") or claims["sub"])
-        account = accounts.of_subject(db, f"{agreed.issuer} {claims['sub']}", name, roles_of(agreed, claims))
-    except InputError:
-        audit.tell(db, Happened("refused", "login", counts={"by": "single sign-on"}))
+        claims = identity(agreed, request.cookies.get(COOKIE, ""), _ours(request, "/login/sso/answer"), given)
+        name = str(claims.get(NAME) or claims["sub"])
+        account = accounts.of_subject(db, subject_of(agreed, claims), name, roles_of(agreed, claims))
+    except InputError as problem:
+        kind = problem.kind if isinstance(problem, SignOnError) else "refused"
+        audit.tell(db, Happened("refused", "login", counts={"by": "single sign-on", "why": kind}))
         db.commit()
-        response: Response = RedirectResponse("/login?refused=1", 303)
+        response = _not_in(problem)
     else:
         response = with_cookie(HTMLResponse(IN), request, logins.begin(db, account))
     response.delete_cookie(COOKIE, path="/login/sso")
     return response
+
+
+@router.get("/login/sso/end")
+def part(parts: PartsDep, request: Request) -> Response:
+    """To where the provider asks whether its own login ends, too: without that whoever comes next to this browser would be in again."""
+    try:
+        place = farewell(_agreed(parts.settings.sign_on), _ours(request, "/login"))
+    except SignOnError as problem:
+        log.warning("single sign-on: the provider's own login was not ended: %s", problem)
+        place = None
+    return RedirectResponse(place or "/login", 303)
+
+
+def _not_in(problem: InputError) -> Response:
+    """Back to our page, which says so; why is for whoever reads the log."""
+    log.warning("single sign-on: nobody was let in: %s", problem)
+    kind = problem.kind if isinstance(problem, SignOnError) else "refused"
+    return RedirectResponse(f"/login?refused={kind}", 303)
 
 
 def _agreed(agreed: SignOn | None) -> SignOn:
@@ -61,5 +87,5 @@ def _agreed(agreed: SignOn | None) -> SignOn:
     return agreed
 
 
-def _back(request: Request) -> str:
-    return str(request.url.replace(path="/login/sso/answer", query=""))
+def _ours(request: Request, path: str) -> str:
+    return str(request.url.replace(path=path, query=""))

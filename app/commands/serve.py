@@ -18,7 +18,7 @@ from app.commands.words import FOLDER, database_url, default_data, say
 from app.options import parse
 from app.server import create_app
 from app.settings import Settings
-from app.single_sign_on import SignOn
+from app.single_sign_on import SCOPE, SignOn
 from estimators.errors import InputError
 from sessions.accounts import ROLES
 from sessions.logins import new_token
@@ -71,6 +71,12 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="claim that holds the roles (%(default)s)",
     )
     parser.add_argument(
+        "--oidc-scope",
+        default=os.environ.get("HANDSCOPE_OIDC_SCOPE") or SCOPE,
+        metavar="WORDS",
+        help="what is asked for (%(default)s); some providers tell roles only where their scope is named, too",
+    )
+    parser.add_argument(
         "--oidc-role",
         action="append",
         default=[],
@@ -98,8 +104,19 @@ def sign_on(arguments: argparse.Namespace) -> SignOn | None:
     roles = parse(told) or {role: role for role in ROLES}
     if unknown := set(roles.values()) - set(ROLES):
         raise InputError(f"--oidc-role, or HANDSCOPE_OIDC_ROLES, names the role {sorted(unknown)[0]!r}; roles are {', '.join(ROLES)}")
+    if not arguments.oidc_issuer.startswith("https://"):
+        raise InputError(f"--oidc-issuer {arguments.oidc_issuer} does not begin with https://; without TLS anybody on the way could log in")
+    if "openid" not in arguments.oidc_scope.split():
+        raise InputError(f"--oidc-scope {arguments.oidc_scope!r} lacks the word openid; try {SCOPE!r}")
     secret = os.environ.get("HANDSCOPE_OIDC_SECRET", "")
-    return SignOn(issuer=arguments.oidc_issuer, client=arguments.oidc_client, secret=secret, claim=arguments.oidc_claim, roles=roles)
+    return SignOn(
+        issuer=arguments.oidc_issuer,
+        client=arguments.oidc_client,
+        secret=secret,
+        scope=arguments.oidc_scope,
+        claim=arguments.oidc_claim,
+        roles=roles,
+    )
 
 
 def _hours(word: str) -> float:

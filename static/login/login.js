@@ -11,6 +11,13 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+const REFUSED = {
+  refused: "login.single_refused",
+  late: "login.single_late",
+  role: "login.single_role",
+  away: "login.single_away",
+}; // why the organisation's login let nobody in
+
 export function mount(root) {
   const alert = make("div", { role: "alert" });
   const input = make("input", { id: "code", autocomplete: "off", spellcheck: "false", "aria-describedby": "hint", name: "code" });
@@ -65,7 +72,8 @@ export function mount(root) {
     ),
   );
   if (location.search.includes("token=")) say(t("login.used"));
-  if (location.search.includes("refused=")) say(t("login.single_refused"));
+  const refused = new URLSearchParams(location.search).get("refused");
+  if (refused) say(t(REFUSED[refused] ?? REFUSED.refused));
   input.focus();
   waysIn().then((ways) => {
     if (ways.passwords) withPasswords();

@@ -64,7 +64,16 @@ def test_every_route_says_who_may_use_it(server: TestClient) -> None:
     assert {"/scene/1", "/api/stations/1/live"} == {a.path for a in served if not a.methods}
     assert [a.path for a in served if a.may is None] == []
     anybody = {a.path for a in served if a.may and ANYBODY in a.may.roles}
-    assert anybody == {"/login", "/login/sso", "/login/sso/answer", "/api/login", "/api/health", "/languages/names.js", "/languages/1.js"}
+    assert anybody == {
+        "/login",
+        "/login/sso",
+        "/login/sso/answer",
+        "/login/sso/end",
+        "/api/login",
+        "/api/health",
+        "/languages/names.js",
+        "/languages/1.js",
+    }
 
 
 def test_every_route_without_a_login_is_refused(server: TestClient) -> None:

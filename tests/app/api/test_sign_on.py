@@ -18,9 +18,10 @@ from starlette.testclient import TestClient
 
 from app.server import create_app
 from app.settings import Settings
-from app.single_sign_on import SignOn
+from app.single_sign_on import SignOn, SignOnError, leave
 
 BASE = "http://127.0.0.1:8420"
+SECRET, PROOF = "s+c%r:t", "us:s%2Bc%25r%3At"  # encoded as RFC 6749, 2.3.1 wants it
 KEY, OTHER_KEY = (RSAKey.generate_key(2048, {"kid": "1"}) for _ in range(2))
 
 
@@ -31,22 +32,34 @@ class Provider(HTTPServer):
         super().__init__(("127.0.0.1", 0), Answers)
         self.issuer = f"http://127.0.0.1:{self.server_port}"
         self.claims: dict[str, Any] = {}
+        self.information: dict[str, Any] = {}  # what is told apart from the token
         self.key, self.challenge = KEY, ""
+        self.page = ""  # where the browser was sent at the end
+        self.about: dict[str, Any] = {}  # what it tells of itself otherwise than usual
 
 
 class Answers(BaseHTTPRequestHandler):
     server: Provider
 
     def do_GET(self) -> None:
+        if self.path == "/keys":
+            return self.told({"keys": [KEY.as_dict(private=False)]})
+        if self.path == "/me":
+            return self.told(self.server.information, 200 if self.headers["Authorization"] == "Bearer a" else 401)
         issuer = self.server.issuer
-        places = {"authorization_endpoint": "/authorize", "token_endpoint": "/token", "jwks_uri": "/keys"}
-        about = {"issuer": issuer, **{name: issuer + path for name, path in places.items()}}
-        self.told(about if self.path.startswith("/.well-known") else {"keys": [KEY.as_dict(private=False)]})
+        places = {
+            "authorization_endpoint": "/authorize",
+            "token_endpoint": "/token",
+            "jwks_uri": "/keys",
+            "userinfo_endpoint": "/me",
+            "end_session_endpoint": "/end",
+        }
+        return self.told({"issuer": issuer, **{name: issuer + path for name, path in places.items()}, **self.server.about})
 
     def do_POST(self) -> None:
         given = parse_qs(self.rfile.read(int(self.headers["Content-Length"])).decode())
         made = base64.urlsafe_b64encode(hashlib.sha256(given["code_verifier"][0].encode()).digest()).rstrip(b"=").decode()
-        if made != self.server.challenge:
+        if made != self.server.challenge or self.headers["Authorization"] != f"Basic {base64.b64encode(PROOF.encode()).decode()}":
             return self.told({"error": "invalid_grant"}, 400)
         token = jwt.encode({"alg": "RS256", "kid": "1"}, self.server.claims, self.server.key)
         return self.told({"access_token": "a", "token_type": "Bearer", "id_token": token})
@@ -72,13 +85,15 @@ def provider() -> Iterator[Provider]:
 
 @pytest.fixture(scope="module")
 def server(provider: Provider, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    agreed = SignOn(issuer=provider.issuer, client="us", secret="s", claim="groups", roles={"therapists": "clinician", "lab": "scientist"})
+    agreed = SignOn(
+        issuer=provider.issuer, client="us", secret=SECRET, claim="groups", roles={"therapists": "clinician", "lab": "scientist"}
+    )
     folder: Path = tmp_path_factory.mktemp("data")
     with TestClient(create_app(Settings(data=folder, sign_on=agreed)), base_url=BASE, follow_redirects=False) as client:
         yield client
 
 
-def came_back(server: TestClient, provider: Provider, state: str = "", key: Any = KEY, **claims: Any) -> TestClient:
+def came_back(server: TestClient, provider: Provider, state: str = "", key: Any = KEY, answer: Any = None, **claims: Any) -> TestClient:
     """Through the provider and back with these claims; the client as it then is."""
     server.cookies.clear()
     sent = server.get("/login/sso").headers["location"]
@@ -88,7 +103,9 @@ def came_back(server: TestClient, provider: Provider, state: str = "", key: Any 
     usual = {"iss": provider.issuer, "aud": "us", "sub": "17", "exp": int(time.time()) + 300, "iat": int(time.time())}
     told = {**usual, "nonce": asked["nonce"], "preferred_username": "Anna", "groups": ["therapists"], **claims}
     provider.claims, provider.key, provider.challenge = {k: v for k, v in told.items() if v is not None}, key, asked["code_challenge"]
-    server.get("/login/sso/answer", params={"state": state or asked["state"], "code": "c"})
+    told = server.get("/login/sso/answer", params={"state": state or asked["state"], "code": "c", **(answer or {})})
+    assert told.status_code in (200, 303)
+    provider.page = told.headers.get("location", "")
     return server
 
 
@@ -107,18 +124,69 @@ def test_who_the_organisation_vouches_for_is_in_with_the_roles_of_today(server: 
     "wrong",
     [
         {"state": "another"},
+        {"state": "\u00e4"},
+        {"answer": {"error": "access_denied"}},
+        {"answer": {"iss": "http://127.0.0.1:1"}},
         {"key": OTHER_KEY},
         {"aud": "others"},
+        {"aud": ["us", "others"]},
+        {"azp": "others"},
+        {"iat": 2**33},
         {"iss": "http://127.0.0.1:1"},
         {"nonce": "another"},
         {"nonce": None},
         {"exp": 1},
         {"exp": None},
         {"sub": None},
+        {"sub": "x" * 400},
         {"groups": ["others"]},
         {"groups": None},
+        {"groups": 5},
     ],
-    ids=lambda wrong: "-".join(f"{name}" for name in wrong),
+    ids=str,
 )
 def test_whatever_does_not_fit_lets_nobody_in(server: TestClient, provider: Provider, wrong: dict[str, Any]) -> None:
     assert came_back(server, provider, **wrong).get("/api/me").status_code == 401
+
+
+def test_roles_that_are_not_in_the_token_are_asked_for(server: TestClient, provider: Provider) -> None:
+    provider.information = {"sub": "17", "groups": ["lab"]}
+    assert came_back(server, provider, groups=None).get("/api/me").json()["roles"] == ["scientist"]
+    assert came_back(server, provider, sub="20", groups=None).get("/api/me").status_code == 401, "they are another's"
+    assert came_back(server, provider).get("/api/me").json()["roles"] == ["clinician"], "the token's count first"
+
+
+@pytest.mark.parametrize(
+    ("about", "reason"),
+    [({"issuer": "http://other.test"}, "calls itself 'http://other.test'"), ({"authorization_endpoint": None}, "authorization_endpoint")],
+)
+def test_a_provider_that_cannot_be_used_is_said_on_the_page_and_why_in_the_log(
+    server: TestClient, provider: Provider, caplog: pytest.LogCaptureFixture, about: dict[str, Any], reason: str
+) -> None:
+    provider.about = about
+    answer, end = server.get("/login/sso"), server.get("/login/sso/end")
+    provider.about = {}
+    assert (answer.status_code, answer.headers["location"]) == (303, "/login?refused=away")
+    assert "issuer" not in about or end.headers["location"] == "/login"
+    assert reason in caplog.text
+
+
+def test_a_provider_that_does_not_answer_is_away() -> None:
+    with pytest.raises(SignOnError, match=r"http://127\.0\.0\.1:1/\.well-known/openid-configuration cannot be read") as caught:
+        leave(SignOn(issuer="http://127.0.0.1:1", client="us"), "word", BASE)
+    assert caught.value.kind == "away"
+
+
+def test_whoever_has_no_role_is_told_so_and_the_log_names_the_claim(
+    server: TestClient, provider: Provider, caplog: pytest.LogCaptureFixture
+) -> None:
+    came_back(server, provider, groups=["kitchen"])
+    assert provider.page == "/login?refused=role"
+    assert "no role here for '17': the claim 'groups' holds 'kitchen'" in caplog.text
+
+
+def test_logging_out_leads_to_the_providers_own_end(server: TestClient, provider: Provider) -> None:
+    assert came_back(server, provider).delete("/api/login").json() == {"next": "/login/sso/end"}
+    sent = server.get("/login/sso/end").headers["location"]
+    assert sent.startswith(f"{provider.issuer}/end?client_id=us&")
+    assert parse_qs(urlsplit(sent).query)["post_logout_redirect_uri"] == [f"{BASE}/login"]

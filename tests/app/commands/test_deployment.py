@@ -9,6 +9,7 @@ import pytest
 
 from app.cli import main
 from app.commands import serve
+from estimators.errors import InputError
 
 ROOT = Path(__file__).parents[3]
 yaml = pytest.importorskip("yaml", reason="no YAML reader on this machine")
@@ -85,3 +86,13 @@ def test_the_provider_s_words_for_roles_come_from_the_environment(monkeypatch: p
     agreed = serve.sign_on(parser.parse_args(["--oidc-issuer", "https://login.test"]))
     assert agreed is not None
     assert agreed.roles == {"hand-therapists": "clinician", "movement-lab": "scientist"}
+
+
+@pytest.mark.parametrize(
+    "words", [["--oidc-issuer", "http://login.test"], ["--oidc-issuer", "https://login.test", "--oidc-scope", "profile"]]
+)
+def test_single_sign_on_that_could_not_be_trusted_is_refused_at_the_start(words: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    serve.add(parser)
+    with pytest.raises(InputError, match="--oidc-"):
+        serve.sign_on(parser.parse_args(words))
