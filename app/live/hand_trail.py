@@ -21,7 +21,7 @@ from estimators.quaternions import Array
 from estimators.samples import Block, join
 
 log = logging.getLogger(__name__)
-PARAMS = HandFilterParams()
+PARAMS = HandFilterParams(update=0.1)  # twice as long as where the path is measured: this one is only drawn, and each look costs
 REACH = 10.0  # s; more that nobody asked for is left out: within them a hand stands still once, behind which the path is good again
 PAST = 3.0  # s of the path kept: between standstills it is good for no longer
 

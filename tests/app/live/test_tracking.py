@@ -9,13 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from app.live.hand_trail import PARAMS as LOOKS
 from app.live.hand_trail import REACH
 from app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
 from estimators import hand_filter, initial_pose, processing, trajectory
 from estimators.errors import InputError
 from estimators.functional_steps import STEPS
 from estimators.hand_anatomy import SEGMENT
-from estimators.hand_filter import HandFilterParams
 from estimators.methods import m2
 from estimators.samples import Block, Event, joined
 from estimators.simulation import functional, tasks
@@ -101,8 +101,8 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
     assert watched.calibration is not None and recording.samples["hand"].t[-1] - watched.calibration.t > REACH
     assert len(shown) > 20 and len(trail) == pytest.approx(100, abs=2)
     np.testing.assert_array_equal(trail[-1], 0.0)
-    start = hand_filter.start(HandFilterParams(), watched.calibration)
-    _, path = hand_filter.step(HandFilterParams(), start, recording.samples["hand"].between(watched.calibration.t, np.inf))
+    start = hand_filter.start(LOOKS, watched.calibration)
+    _, path = hand_filter.step(LOOKS, start, recording.samples["hand"].between(watched.calibration.t, np.inf))
     np.testing.assert_allclose(trail, path.p[-len(trail) :] - path.p[-1], atol=1e-9)
     assert 0 < np.ptp(trail, axis=0).max() < 0.05  # fingers wiggle, the hand stays
     np.testing.assert_allclose(asked_at_last, trail, atol=2e-3)
