@@ -27,7 +27,8 @@ class Client:
     def call(self, method: str, path: str, body: Any = None) -> Any:
         """Parsed JSON of the answer."""
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self.base + path, data, {"Cookie": self.cookie, "Content-Type": "application/json"}, method=method)
+        headers = {"Cookie": self.cookie, "Content-Type": "application/json", "Origin": self.base}
+        request = urllib.request.Request(self.base + path, data, headers, method=method)
         with urllib.request.urlopen(request) as answer:
             text = answer.read()
         return json.loads(text) if text else None
