@@ -27,7 +27,7 @@ class Nodes:
 
     t: Array  # (m,) s
     values: Array  # (m, segments, 6) rad/s, m/s^2
-    doubt: Array  # (m, segments, 2) factors on the noise of gyroscope and accelerometer
+    doubt: Array  # (m, segments, 2) factors on the noise that gyroscope and accelerometer have in a sample at RATE
     lost: NDArray[np.bool_]  # (m, segments) silent for longer than can be bridged, or not worn
 
 
@@ -106,11 +106,11 @@ def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
             if name in SEGMENT:
                 s = SEGMENT[name]
                 values[:, s], doubt[:, s], lost[:, s] = _even(w, k, grid, state.period, max_gap)
-    share = 1 / np.sqrt(state.each)
+    noisier = 1 / np.sqrt(state.each * state.period * RATE)
     nodes = Nodes(
         state.instants(state.taken, state.taken + count),
         values.reshape(count, state.each, *values.shape[1:]).mean(axis=1),
-        np.maximum(share, doubt.reshape(count, state.each, *doubt.shape[1:]).mean(axis=1) * share),
+        noisier * doubt.reshape(count, state.each, *doubt.shape[1:]).mean(axis=1),
         np.asarray(lost.reshape(count, state.each, -1).any(axis=1)),
     )
     kept = {name: _pruned(w, float(grid[-1])) for name, w in state.waiting.items()}
