@@ -5,7 +5,8 @@ Out     Told: information on the parameters, which adds up over stretches; from 
 Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), what noise makes up taken
         off (covariance.py), sizes of errors learnt as of a solution (posterior.py); enough is what self-calibration itself asks for (findings.Asked)
 Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
-        near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order, of skin they are not
+        near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order; skin is as
+        soft as it is believed before anything is learnt, and the hand's follows this finger alone
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +18,17 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import CHAINS
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.self_calibration import covariance, normal_equations, posterior, residuals
+from estimators.self_calibration import covariance, hand_equations, hand_problem, normal_equations, posterior, residuals
 from estimators.self_calibration.findings import Asked
+from estimators.self_calibration.hand_problem import HandPlace
 from estimators.self_calibration.normal_equations import Factor, Step
 from estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Readings, Unknowns, bent, chain, columns, measured, posed
 from estimators.self_calibration.residuals import NUMEROV, Terms
+from estimators.self_calibration.words import ROUNDED
 
 SPREAD = (1.0, 99.0)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
+RIGID = 1e-3  # share of skin's movement that nobody notices
+HANDS = 6  # parameters of the skin under the hand's sensor: turn and slide
 SAFE = 4 / 3  # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
 
 
@@ -34,12 +39,17 @@ class Limb:
     links: Chain
     geometry: HandGeometry
     mounting: Mapping[str, Array]  # q_BS by segment
+    hand_skin: float = 1.0  # how far skin moves the hand's sensor, share of what it does to the fingers'; 0: it sits on something rigid
 
     @property
     def kept(self) -> Indices:
-        """Columns of the parameters that are looked at: all but scales and lag."""
+        """Columns of the parameters that are looked at: all but scales and lag; behind them turn and slide of the skin under the hand's sensor."""
         c = columns(self.links)
-        return np.concatenate([np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.delay.start)])
+        return np.concatenate([np.arange(c.scale_gyr.start), np.arange(c.axis_far.start, c.delay.start), c.count + np.arange(HANDS)])
+
+    def of_kept(self, slopes: Array) -> Array:
+        """Derivatives (..., P) by all of a finger's parameters, by those that are kept."""
+        return np.concatenate([slopes, np.zeros((*slopes.shape[:-1], HANDS))], axis=-1)[..., self.kept]
 
 
 @dataclass(frozen=True)
@@ -87,15 +97,16 @@ def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
     """What a stretch tells with errors of these sizes; q_GS (S, 4) are the sensors' orientations at its first sample."""
     problem, at = _place(of, read, q_GS, noise)
     n, kept = len(problem), of.kept
-    normal = normal_equations.empty(n, 3 * len(of.links.sensors), columns(of.links).count)
+    normal = normal_equations.empty(n, 3 * len(of.links.sensors), columns(of.links).count + HANDS)
     terms = {kind: kind(problem, at, 0, n) for kind in residuals.EVERY_SAMPLE}
+    terms[residuals.meeting] = _on_skin(problem, at, terms[residuals.meeting])
     for each in terms.values():
         normal_equations.add(normal, each)
     normal = replace(normal, B=normal.B[:, :, kept], C=normal.C[np.ix_(kept, kept)], c=normal.c[kept])
     L, Y, information = normal_equations.eliminated(normal)
-    r, slopes = residuals.priors(problem, at)
-    alone = Factor(L, Y, normal_equations.inverse(information + slopes[:, kept].T @ slopes[:, kept]))
-    step = _whole(of, normal_equations.step(replace(normal, c=normal.c + slopes[:, kept].T @ r), alone))
+    r, slopes = _believed(of, problem, at)
+    alone = Factor(L, Y, normal_equations.inverse(information + slopes.T @ slopes))
+    step = _whole(of, normal_equations.step(replace(normal, c=normal.c + slopes.T @ r), alone))
     numbers = posterior.normal_numbers(n * L.shape[2] + len(kept), 0)
     drawn = _whole(of, normal_equations.drawn(alone, numbers[: n * L.shape[2]].reshape(n, -1), numbers[n * L.shape[2] :]))
     off = [
@@ -103,8 +114,9 @@ def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
         _off(terms[residuals.hinging], step, drawn, noise.hinge, len(of.links.hinges)),
     ]
     squares, redundancy = np.array(off).T
+    made_up = covariance.apparent(problem, at, alone, 1, [terms[residuals.meeting]])
     turned = float(np.linalg.norm(problem.turns[:, -1], axis=1).sum())
-    return Told(information, covariance.apparent(problem, at, alone, 1), squares, redundancy, n * problem.dt, turned, problem.bias_sd)
+    return Told(information, made_up, squares, redundancy, n * problem.dt, turned, problem.bias_sd)
 
 
 def together(a: Told, b: Told) -> Told:
@@ -125,15 +137,36 @@ def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array])
     sure, problem, at = _sure(of, so_far)
     lengths = {s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()}
     turning = so_far.turned / max(so_far.seconds, 1e-9) / np.radians(asked.moving)
-    most = min(1.0, turning, so_far.seconds / asked.shortest)
+    most = min(1.0, turning, (so_far.seconds + ROUNDED) / asked.shortest)
     return [_of_joint(asked, of, k, at, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
 
 
 def _whole(of: Limb, step: Step) -> Step:
     """The step with the parameters that are not looked at, which stay."""
-    parameters = np.zeros(columns(of.links).count)
+    parameters = np.zeros(columns(of.links).count + HANDS)
     parameters[of.kept] = step.parameters
     return Step(step.turns, parameters)
+
+
+def _on_skin(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
+    """`meeting` with columns behind all others for the skin that moves the hand's sensor with this finger, which is believed to be rigid."""
+    k, T, first = hand_problem.root(problem.chain), len(terms.r), terms.first + 1
+    rigid = HandPlace((at,), np.zeros((len(problem), 3)), *np.zeros((2, 1, 3)))
+    samples = first + np.arange(T)[:, None] + np.arange(-1, 2)
+    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2]
+    seen = residuals.whitening(problem, first, first + T)[:, :, k] / residuals.common_scale(at)
+    slopes = np.einsum("tj,tip->tjip", seen, by_skin).reshape(T, -1, HANDS)
+    cols = np.concatenate([terms.cols, columns(problem.chain).count + np.arange(HANDS)])
+    return replace(terms, by_parameters=np.concatenate([terms.by_parameters, slopes], axis=2), cols=cols)
+
+
+def _believed(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]:
+    """What is believed before of the parameters that are kept, residuals and derivatives; the hand's skin, too."""
+    r, slopes = residuals.priors(problem, at)
+    sizes = [np.radians(problem.noise.skin_turn), 1e-3 * problem.noise.skin_slide]
+    sd = max(of.hand_skin, RIGID) * np.repeat(sizes, HANDS // 2) / (np.pi / 2)
+    on_skin = np.pad(np.diag(1 / sd), ((0, 0), (len(of.kept) - HANDS, 0)))
+    return np.append(r, np.zeros(HANDS)), np.concatenate([of.of_kept(slopes), on_skin])
 
 
 def _off(terms: Terms, step: Step, drawn: Step, sd: float, idle: int) -> tuple[float, float]:
@@ -168,9 +201,8 @@ def _sure(of: Limb, so_far: Told) -> tuple[Array, Problem, Unknowns]:
     none = Readings(0.01, np.zeros((2, S, 3)), np.zeros((2, S, 3)), np.ones((2, S)), np.ones((2, S)))
     problem, at = _place(of, none, np.tile(quat.IDENTITY, (S, 1)), Noise())
     problem = replace(problem, bias_sd=min(so_far.bias_sd, np.radians(problem.noise.gyr_bias)))
-    slopes = residuals.priors(problem, at)[1][:, of.kept]
-    before = slopes.T @ slopes
-    arms = covariance.arms(problem, at)[:, of.kept]
+    slopes = _believed(of, problem, at)[1]
+    before, arms = slopes.T @ slopes, of.of_kept(covariance.arms(problem, at))
     return covariance.without_noise(normal_equations.inverse(so_far.information + before), so_far.made_up, before, arms), problem, at
 
 
@@ -193,14 +225,15 @@ def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem
 
 def _turned(q_GS: Array, turns: Array) -> Array:
     """Orientations (n, S, 4) from the first (S, 4) and the turns between (n-1, S, 3)."""
-    found = np.empty((len(turns) + 1, *q_GS.shape))
-    found[0] = q_GS
-    for k, turn in enumerate(quat.exp(turns)):
-        found[k + 1] = quat.multiply(found[k], turn)
+    found = np.concatenate([q_GS[None], quat.exp(turns)])
+    behind = 1
+    while behind < len(found):  # products of twice as many each time
+        found[behind:] = quat.multiply(found[:-behind], found[behind:])
+        behind *= 2
     return quat.normalize(found)
 
 
 def _lengths(of: Limb, problem: Problem, at: Unknowns) -> dict[int, Array]:
     """How each length changes with the kept parameters (P,), by row of its sensor."""
     lengths = residuals.sizing(replace(problem, length=np.ones(len(of.links.sensors))), at)
-    return {told.sensor: told.by_parameters[0, of.kept] for told in lengths}
+    return {told.sensor: of.of_kept(told.by_parameters[0]) for told in lengths}

@@ -7,6 +7,7 @@ Source  errors in variables: an arm multiplies an angular acceleration that is n
 Limits  gyroscopes' noise is as said within NOISE_KNOWN; the walk is that of the option, it is not learnt
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,25 +33,24 @@ def honest(problem: Problem, at: Unknowns, factor: Factor) -> Factor:
     return replace(factor, covariance=covariance + np.diag(walked(problem)))
 
 
-def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS) -> Array:
-    """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned."""
+def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS, known: Sequence[Terms] | None = None) -> Array:
+    """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned; `known` is `meeting`, of all samples."""
     n, e, P = factor.Y.shape
     count = columns(problem.chain).near.stop
     told = np.zeros((P, P))
     for k in range(draws):
         turns = normal_equations.shaken(factor, posterior.normal_numbers(n * e, k).reshape(n, e)).reshape(n, -1, 3)
         normal = normal_equations.empty(n, e, count)
-        for start in range(0, n, CHUNK):
-            normal_equations.add(normal, _shaken(problem, at, turns, start))
+        for terms in known or (residuals.meeting(problem, at, start, start + CHUNK) for start in range(0, n, CHUNK)):
+            normal_equations.add(normal, _shaken(problem, at, turns, terms))
         flat = normal_equations.whitened(factor, normal.B).reshape(-1, count)
         told[:count, :count] += (normal.C - flat.T @ flat) / draws
     return told
 
 
-def _shaken(problem: Problem, at: Unknowns, turns: Array, start: int) -> Terms:
+def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms:
     """`meeting` with derivatives by the arms as far as the orientations' noise makes them."""
     chain = problem.chain
-    terms = residuals.meeting(problem, at, start, start + CHUNK)
     first, stop, J = terms.first + 1, terms.first + 1 + len(terms.r), len(chain.joints)
     three = np.arange(first, stop)[:, None] + np.arange(-1, 2)
     R = quat.matrix(at.q_GS[first - 1 : stop + 1]) @ quat.skew(turns[first - 1 : stop + 1])

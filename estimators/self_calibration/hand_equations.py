@@ -143,8 +143,8 @@ def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, sta
     T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
     first, k = terms.first + 1, hand_problem.root(chain)
     seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
-    grown, (r, pulled) = residuals.common_scale(place), _met(quiet, place, at, bending, start)
-    by_turn, by_far, by_skin = _pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
+    grown, (r, by_pull) = residuals.common_scale(place), _met(quiet, place, at, bending, start)
+    by_turn, by_far, by_skin = pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
 
     def shared(v: Array) -> Array:
         """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
@@ -156,13 +156,13 @@ def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, sta
         by[:, :, axis, 1, axis - OWN] = -seen
     slopes = terms.by_parameters.reshape(T, J, 3, -1)
     slopes[..., 3 * k : 3 * k + 3] += shared(by_far)
-    slopes[..., -9 * S :] -= pulled[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    slopes[..., -9 * S :] -= by_pull[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
     cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
     return replace(terms, r=r.reshape(T, -1), by_turns=by.reshape(T, 3 * J, -1), by_parameters=slopes.reshape(T, 3 * J, -1), cols=cols)
 
 
-def _pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
+def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
     """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin.
 
     To first order, as `residuals._pulled`: the sensor sees the joint nearer by the turn's cross product with the arm and the slide.

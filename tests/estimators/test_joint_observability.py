@@ -27,6 +27,7 @@ def lengths_sd(of: Limb, told: Told) -> Array:
 def test_information_of_stretches_adds_up_and_never_falls() -> None:
     made = recorded(2, 16.0, skin=True)
     of, stretches = looked(made, 3.0, 9.0, noise=Noise())
+    on_skin, of = of, replace(of, hand_skin=0.0)  # it is a rigid board
     sds = [lengths_sd(of, meter.nothing(of))]
     so_far = meter.nothing(of)
     for told in stretches:
@@ -35,6 +36,7 @@ def test_information_of_stretches_adds_up_and_never_falls() -> None:
     assert (sds[0] > 8e-3).all()  # what given lengths are good for
     assert (np.diff(sds, axis=0) < 1e-5).all()
     assert (sds[-1] < 1e-3).all()
+    assert lengths_sd(on_skin, so_far)[0] > 1.3 * sds[-1][0], "skin of a hand that slides with the joint looks like length"
     (_, (whole,)) = looked(made, 3.0, 9.0, every=6.0, noise=Noise())
     np.testing.assert_allclose(lengths_sd(of, so_far), lengths_sd(of, whole), rtol=0.15)
 
