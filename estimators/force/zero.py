@@ -2,8 +2,10 @@
 
 In      readings (n, S, 3) N of S sensors at times t (n,), NaN where missing
 Out     their zero (n, S, 3) with its standard deviation, and where each sensor is free (n, S)
-Source  Kortier, thesis 6.4: readings follow the supply. The zero is a random walk: Kalman filter and Rauch-Tung-Striebel smoother, here for one number an axis
-Limits  a force that is there from the first to the last sample, or that never changes by more than `least`, is taken for the zero
+Source  Kortier, thesis 6.4: readings follow the supply. The zero is a random walk: Kalman filter and Rauch-Tung-Striebel smoother, here for one number an axis.
+        How fast it walks is read from the sensor while it is free, where that is more than `drift`: ours
+Limits  a force that is there from the first to the last sample, or that never changes by more than `least`, is taken for the zero; a sensor whose zero begins
+        to walk within a contact is told by the jump alone
 """
 
 from dataclasses import dataclass
@@ -19,6 +21,9 @@ from estimators.samples import every
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
 SURE = 3.5  # standard deviations of the size of a vector of noise
+PIECES = (1.0, 0.3)  # s: the free readings are averaged over so much to tell how fast the zero walks, over less where they are few
+FEWEST = 5  # neighbours of such pieces, below which they tell nothing
+ROUNDS = 5  # who drifts fast is taken for free more often once that is known
 LIKELY = 2.5  # of what it may have drifted by meanwhile: more would take a light grip for nothing
 
 
@@ -28,7 +33,10 @@ class ZeroParams:
         0.25, "N", "a change of the reading of a free sensor below this is no contact", "ours: five times its noise", least=0.01
     )
     drift: float = option(
-        0.03, "N/sqrt(s)", "random walk of the zero", "ours: 0.2 N in a minute; Kortier thesis 6.4 names it without a size"
+        0.03,
+        "N/sqrt(s)",
+        "random walk of the zero; more where the free sensor shows more",
+        "ours: 0.2 N in a minute; Kortier thesis 6.4 names it without a size",
     )
     guard: float = option(
         0.15, "s", "samples so near to a contact tell no zero", "ours: a force builds up for longer than one sample at 12 Hz"
@@ -41,36 +49,49 @@ class Zero:
     sd: Array  # (n, S) N, of each axis
     free: NDArray[np.bool_]  # (n, S) nothing is touched
     jump: Array  # (n, S) how far the zeros before and behind the contact differ, in standard deviations; 0 where free or not known
+    drift: Array  # (S,) N/sqrt(s) by which each zero was taken to walk
 
 
 def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     """The zero of every sensor; `noise` (S,) N is that of one reading."""
     n, sensors = readings.shape[:2]
-    free = np.stack([_free(params, t, readings[:, s], float(noise[s])) for s in range(sensors)], axis=1)
+    each = [_free_and_walk(params, t, readings[:, s], float(noise[s])) for s in range(sensors)]
+    free, drift = np.stack([f for f, _ in each], axis=1), np.array([walk for _, walk in each])
     level, variance, jump = np.empty_like(readings), np.empty((n, sensors)), np.zeros((n, sensors))
     for s in range(sensors):
-        level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], max(float(noise[s]), 1e-3) ** 2, params.drift**2)
+        of_one, walk = max(float(noise[s]), 1e-3) ** 2, float(drift[s]) ** 2
+        level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], of_one, walk)
         for a, b in runs(~free[:, s]):
             if a > 0 and b < n - 1:
-                before, behind = (
-                    _smoothed(t[k], readings[k, s], free[k, s], max(float(noise[s]), 1e-3) ** 2, params.drift**2)
-                    for k in (slice(0, a), slice(b + 1, n))
-                )
+                before, behind = (_smoothed(t[k], readings[k, s], free[k, s], of_one, walk) for k in (slice(0, a), slice(b + 1, n)))
                 off = np.linalg.norm(before[0][-1] - behind[0][0]) / np.sqrt(3.0)
-                jump[a : b + 1, s] = off / np.sqrt(before[1][-1] + behind[1][0] + params.drift**2 * (t[b] - t[a]))
-    return Zero(level, np.sqrt(variance), free, jump)
+                jump[a : b + 1, s] = off / np.sqrt(before[1][-1] + behind[1][0] + walk * (t[b] - t[a]))
+    return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
 def known_from(t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
     """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
 
-    `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second.
+    `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second; more where the free sensor shows more.
     """
-    level, variance = _smoothed(t, readings, free & every(np.isfinite(readings)), noise**2, drift**2)
+    used = free & every(np.isfinite(readings))
+    level, variance = _smoothed(t, readings, used, noise**2, max(drift, _walk(t, readings, used, noise)) ** 2)
     return level, np.sqrt(variance)
 
 
-def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bool_]:
+def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tuple[NDArray[np.bool_], float]:
+    """Where the sensor touches nothing (n,), and how fast its zero walks meanwhile."""
+    drift = params.drift
+    for _ in range(ROUNDS):
+        free = _free(params, t, y, noise, drift)
+        seen = _walk(t, y, free, noise)
+        if seen <= 1.1 * drift:
+            break
+        drift = seen
+    return free, drift
+
+
+def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) -> NDArray[np.bool_]:
     """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with."""
     known = every(np.isfinite(y))
     free = np.zeros(len(t), bool)
@@ -83,12 +104,33 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float) -> NDArray[np.bo
         here, since = level.copy(), t[start]
         for k in order:
             off = np.linalg.norm(y[k] - here)
-            if known[k] and off < max(gate, LIKELY * np.sqrt(noise**2 + params.drift**2 * abs(t[k] - since))):
+            if known[k] and off < max(gate, LIKELY * np.sqrt(noise**2 + drift**2 * abs(t[k] - since))):
                 here = here + (1 - np.exp(-abs(t[k] - since) / MEMORY)) * (y[k] - here)
                 since, free[k] = t[k], True
     period = float(np.median(np.diff(t)))
     wide = 2 * max(1, round(params.guard / period)) + 1
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
+
+
+def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float) -> float:
+    """How fast the zero walks, in the readings' unit a root of a second, from means of the free ones; 0 where they tell nothing.
+
+    Neighbouring means over T of a walk with q differ by the variance 2 q^2 T / 3, and by what is left of the noise.
+    """
+    for length in PIECES:
+        means = [_means(t[a : b + 1], y[a : b + 1], length) for a, b in runs(free)]
+        off = np.concatenate([np.diff(m, axis=0) for m, _ in means]) if means else np.empty((0, 3))
+        if len(off) >= FEWEST:
+            own = 2 * noise**2 / float(np.mean([count for m, count in means if len(m) > 1]))
+            return float(np.sqrt(max(0.0, float(np.mean(off**2)) - own) * 1.5 / length))
+    return 0.0
+
+
+def _means(t: Array, y: Array, length: float) -> tuple[Array, float]:
+    """Of readings (n, 3) in a row the means over whole pieces (m, 3), and of how many readings each is."""
+    edges = np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, length) - 1e-9)
+    known = [piece for a, b in zip(edges, edges[1:]) if len(piece := y[a:b][every(np.isfinite(y[a:b]))])]
+    return np.array([piece.mean(axis=0) for piece in known]).reshape(-1, 3), float(np.mean([len(p) for p in known])) if known else 1.0
 
 
 def _resting(y: Array, gate: float) -> Array:

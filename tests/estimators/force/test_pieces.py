@@ -30,6 +30,23 @@ def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
     assert 0.6 < np.mean(surprise) < 1.6
 
 
+@pytest.mark.parametrize("walk", [0.02, 0.06, 0.15])
+def test_how_fast_a_zero_walks_is_read_from_the_free_sensor(walk: float) -> None:
+    """Told as 0.03 N/sqrt(s) at least; a sensor five times worse is as unsure through the contact as it is off."""
+    t, surprise, told = np.arange(0.0, 20.0, 1 / 12), [], []
+    for seed in range(20):
+        rng = np.random.default_rng(100 + seed)
+        drift = np.cumsum(walk / np.sqrt(12) * rng.normal(size=(len(t), 1, 3)), axis=0)
+        found = zero.found(zero.ZeroParams(), t, pushes(t - 6.0) + drift + 0.05 * rng.normal(size=drift.shape), np.array([0.05]))
+        touched = (t > 10.5) & (t < 12.5)
+        if not found.free[touched].any():
+            surprise.append((((found.level - drift) / found.sd[..., None])[touched] ** 2).mean())
+            told.append(found.drift[0])
+    assert len(told) > 12
+    assert np.median(told) == pytest.approx(max(walk, 0.03), rel=0.3)
+    assert 0.3 < np.mean(surprise) < 2.0
+
+
 def test_a_zero_that_jumps_within_a_contact_is_told() -> None:
     t, rng = np.arange(0.0, 12.0, 1 / 12), np.random.default_rng(0)
     read = pushes(t) + np.where(t > 5.5, 0.4, 0.0)[:, None, None] + 0.05 * rng.normal(size=(len(t), 1, 3))
