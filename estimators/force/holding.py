@@ -103,6 +103,15 @@ def holdings(params: ContactParams, trajectory: Trajectory, geometry: HandGeomet
     return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in contact.grasps(params, trajectory.t, sizes)]
 
 
+def untold_share(h: Holding, used: NDArray[np.bool_]) -> float:
+    """What is left along the push over the push: as much of it, and perhaps of the load, a finger that is not measured takes."""
+    up, axis = h.up[used], h.axis[used]
+    level = axis - (axis * up).sum(axis=1, keepdims=True) * up
+    level = level / np.linalg.norm(level, axis=1, keepdims=True)
+    rest = (h.net[used] * level).sum(axis=1)
+    return float(abs(rest.mean()) / h.grip[used].mean()) if np.isfinite(rest).all() else 0.0
+
+
 def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
     rows = [FINGERS.index(f) for f in fingers]
     assert part.forces is not None and part.forces_sd is not None and part.force_flags is not None and part.lifting is not None

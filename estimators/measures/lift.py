@@ -163,21 +163,12 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
         (net * up).sum(axis=1)[:, None], np.stack([(s * up).sum(axis=1), np.ones(len(s))], axis=-1)[:, None], noise
     )
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(len(h.fingers)) * 0.15))
-    common = float(np.sqrt(alike**2 + unexplained / GRAVITY**2 + (_untold_share(h, used) * fit.theta[0]) ** 2))
+    common = float(np.sqrt(alike**2 + unexplained / GRAVITY**2 + (holding.untold_share(h, used) * fit.theta[0]) ** 2))
     each = 0.1 * float(np.sqrt(len(s) / fit.independent))
     running = identification.followed(
         h.t[used], net, s[..., None], each, np.ones(1), params.memory, lambda mass: np.full(len(mass), common)
     )
     return Weighed(float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, running)
-
-
-def _untold_share(h: Holding, used: NDArray[np.bool_]) -> float:
-    """What is left along the push over the push: as much of it, and perhaps of the load, a finger that is not measured takes."""
-    up, axis = h.up[used], h.axis[used]
-    level = axis - (axis * up).sum(axis=1, keepdims=True) * up
-    level = level / np.linalg.norm(level, axis=1, keepdims=True)
-    rest = (h.net[used] * level).sum(axis=1)
-    return float(abs(rest.mean()) / h.grip[used].mean()) if np.isfinite(rest).all() else 0.0
 
 
 def _slips(params: Params, h: Holding, used: NDArray[np.bool_], mass: float) -> Array:

@@ -84,6 +84,7 @@ class Squeezed:
     conditions: Conditions | None
     reason: str
     running: Running | None = None  # the stiffness as it stood after each sample
+    untold: float = 0.0  # share of the push that is left along it: a finger that is not measured may take it
 
 
 @dataclass(frozen=True)
@@ -143,9 +144,10 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     fit, conditions, reasons = _identified(params, h, inside, t[told], x[told], p[told])
-    followed = running(params, t[told], x[told], p[told]) if fit else None
+    untold = holding.untold_share(h, known)
+    followed = running(params, t[told], x[told], p[told], untold) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
-    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed)
+    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold)
 
 
 def _identified(
@@ -169,12 +171,17 @@ def _spring(t: Array, p: Array) -> Array:
     return np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None]
 
 
-def running(params: Params, t: Array, x: Array, p: Array) -> Running:
+def running(params: Params, t: Array, x: Array, p: Array, untold: float = 0.0) -> Running:
     """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     each = NOISE * float(np.sqrt(len(t) / fit.independent))
-    alike = float(np.hypot(params.gain_sd, params.scale_sd))
+    alike = _alike(params, untold)
     return identification.followed(t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K))
+
+
+def _alike(params: Params, untold: float) -> float:
+    """By what share force over distance may be wrong in all samples alike: the push is the mean of both sides, one of which lacks what is untold."""
+    return float(np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2))
 
 
 def figures(r: Squeeze) -> list[Figure]:
@@ -223,7 +230,7 @@ def _parameters(r: Squeeze) -> list[Figure]:
     weights = np.array([1 / f.sd[[0, 2]] ** 2 for f in fits])
     values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
     scatter = 1 / np.sqrt(weights.sum(axis=0))
-    alike = float(np.hypot(r.params.gain_sd, r.params.scale_sd))
+    alike = _alike(r.params, max(one.untold for one in r.grasps if one.fit))
     sd = np.hypot(scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])])
     return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
 

@@ -157,8 +157,7 @@ def test_figures_tell_the_phases_and_shares() -> None:
 
 
 def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> None:
-    made, _ = heavy()
-    moved = followed(made).trajectory
+    (made, _), moved = heavy(), heavy_moved().trajectory
     event = next(e for e in made.events if e.trial_type == "task")
     assert in_hand.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None  # still on the table
     so_far = in_hand.mass(moved.between(0.0, event.onset + 3.8), made.geometry)

@@ -10,12 +10,13 @@ from estimators.measures.figure import Figure
 from estimators.simulation import held_object
 from estimators.simulation.held_object import Mishap
 from estimators.simulation.scenario import Simulated
+from estimators.trajectory import Trajectory
 from tests.estimators.force.lifted import done, followed
 
 
-def figures(made: Simulated) -> dict[str, Figure]:
+def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figure]:
     event = next(e for e in made.events if e.trial_type == "task")
-    found = squeeze.measure(squeeze.Params(), followed(made).trajectory, event.onset, event.end, made.geometry)
+    found = squeeze.measure(squeeze.Params(), moved or followed(made).trajectory, event.onset, event.end, made.geometry)
     return {f.name: f for f in squeeze.figures(found)}
 
 
@@ -23,7 +24,8 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
     off, surprise = [], []
     for seed in range(6):
         made, true = done(seed, held_object.squeeze, stiffness=600.0)
-        f = figures(made)
+        moved = followed(made).trajectory
+        f = figures(made, moved)
         assert f["squeeze_count"].value == 8
         assert f["squeeze_rate"].value == pytest.approx(1 / 1.2, rel=0.02)
         push = np.linalg.norm(true[:, 0], axis=1)
@@ -34,7 +36,7 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         surprise.append(((K.value - 600) / K.sd) ** 2)
         assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
         assert f["squeeze_coherence"].value > 0.95
-    so_far = in_hand.stiffness(followed(made).trajectory.between(0.0, made.events[-1].onset + 7.0), made.geometry)
+    so_far = in_hand.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
     assert np.mean(off) < 0.08
@@ -54,6 +56,15 @@ def test_with_a_third_finger_no_stiffness_is_told() -> None:
     assert np.isnan(K.value)
     assert K.grade == "poor"
     assert "forces do not balance" in K.reason
+
+
+def test_a_third_finger_that_takes_a_fifth_makes_the_stiffness_as_unsure_as_it_is_wrong() -> None:
+    made, _ = done(5, held_object.squeeze, mishap=Mishap(third=0.2))
+    K = figures(made)["squeeze_stiffness"]
+    assert "another finger or something else" in K.reason
+    assert K.sd
+    assert K.value == pytest.approx(600.0, abs=2.5 * K.sd)
+    assert K.sd / K.value > 0.1
 
 
 def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
