@@ -32,7 +32,7 @@ from estimators.processing import Processed, process
 from estimators.quaternions import Array
 from estimators.samples import Event
 from estimators.trajectory import Trajectory
-from sessions import corrections, derivative, kept_files, records, self_calibrations
+from sessions import corrections, derivative, kept_files, records, self_calibrations, trunk_height
 from sessions.full_disk import FULL, is_full
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
@@ -91,7 +91,7 @@ def computed(
         raise InputError(f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}")
     method = ALL_METHODS[result.method]
     made = result.corrections if reasons else corrections.untold(result.corrections)
-    recording = corrections.corrected(records.opened(store, result.recording), made)
+    recording = trunk_height.applied(corrections.corrected(records.opened(store, result.recording), made), result.trunk_height)
     db = object_session(result)
     known = None if db is None else self_calibrations.known(db, result.reused)
     return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress, known=known)

@@ -10,7 +10,7 @@ from sqlalchemy.orm.exc import StaleDataError
 from estimators.errors import InputError
 from estimators.hand_anatomy import HANDS
 from estimators.hand_geometry import measures_from
-from estimators.measures.trunk_displacement import LEAST, MOST
+from sessions import trunk_height
 from sessions.conflicts import ConflictError, require_seen
 from sessions.pseudonyms import require_code
 from sessions.tables import Note, Patient, PatientSession
@@ -101,10 +101,8 @@ def _check(patient: Patient) -> None:
             raise InputError(f"{what.replace('_', ' ')} is left or right, or not given")
     if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
         raise InputError(f"year of birth {patient.year_of_birth} is outside {YEARS[0]} to {YEARS[1]}")
-    if patient.trunk_height is not None and not LEAST <= patient.trunk_height <= MOST:
-        raise InputError(
-            f"the trunk's sensor {patient.trunk_height:g} m above the hips is outside {LEAST:g} to {MOST:g} m; measure it from the hip joint, sitting"
-        )
+    if patient.trunk_height is not None:
+        trunk_height.require_height(patient.trunk_height)
     for hand, measures in (patient.hand_measures or {}).items():
         if hand not in HANDS:
             raise InputError(f"hand measures are of the left or right hand, not of {hand!r}")

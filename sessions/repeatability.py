@@ -198,9 +198,9 @@ def _decided(mapper: Mapper[Reuse], connection: Connection, reuse: Reuse) -> Non
 
 @event.listens_for(PatientSession, "after_update")
 def _dated(mapper: Mapper[PatientSession], connection: object, visit: PatientSession) -> None:
-    """What was measured again within a day, and what came before, goes by the date."""
-    db = object_session(visit)
-    if db is not None and inspect(visit).attrs.started.history.has_changes():
+    """What was measured again within a day, and what came before, goes by the date; with another height of the trunk's sensor other results count."""
+    db, told = object_session(visit), inspect(visit).attrs
+    if db is not None and (told.started.history.has_changes() or told.trunk_corrected.history.has_changes()):
         db.info.setdefault(CORRECTED, set()).update(f.id for f in visit.recordings)
 
 
@@ -227,6 +227,8 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
             file.id,
             Result.corrections,
             Result.reused,
+            Result.trunk_height,
+            visit.trunk_corrected,
         )
         .join(file, Result.recording_id == file.id)
         .join(visit, file.session_id == visit.id)
@@ -237,8 +239,10 @@ def _occasions(db: Session, patient: int | None = None) -> list[Occasion]:
         query = query.where(visit.patient_id == patient)
     standing, decisions = _standing(db), self_calibrations.decisions(db)
     newest: dict[Any, Occasion] = {}
-    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied, reused in db.execute(query):
-        if applied != standing.get(recording, []) or reused != self_calibrations.as_data(decisions.get(session), method):
+    for id_, session, person, hand, started, checksum, summary, method, parameters, recording, applied, reused, worn, told in db.execute(
+        query
+    ):
+        if applied != standing.get(recording, []) or worn != told or reused != self_calibrations.as_data(decisions.get(session), method):
             continue
         o = Occasion(id_, session, person, hand, started, checksum or "", glove_of(summary), method, parameters)
         newest[o.session, o.way] = o

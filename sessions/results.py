@@ -20,6 +20,7 @@ ENDED = "the computation ended unexpectedly; try other options or report this re
 def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> str:
     """sha256 of everything that the result depends on."""
     standing, reused = corrections.standing(file), self_calibrations.standing(file.session, method)
+    worn = {"trunk_height": height} if (height := file.session.trunk_corrected) is not None else {}
     parts = [
         file.sha256,
         method,
@@ -27,17 +28,18 @@ def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], vers
         file.session.geometry,
         file.session.hand,
         version,
-        *(p for p in (standing, reused) if p),
+        *(p for p in (standing, reused, worn) if p),
     ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def wanted(db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str) -> Result:
-    """The result with this key, queued when there is none or when it failed before; by the corrections and the reuse that count now."""
+    """The result with this key, queued when there is none or when it failed before; by the corrections, the trunk's height and the reuse that count now."""
     key = key_of(file, method, parameters, version)
     result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
     if result is None:
-        facts = {"method": method, "parameters": dict(parameters), "version": version, "corrections": corrections.standing(file)}
+        facts: dict[str, Any] = {"method": method, "parameters": dict(parameters), "version": version}
+        facts |= {"corrections": corrections.standing(file), "trunk_height": file.session.trunk_corrected}
         result = Result(recording=file, key=key, reused=self_calibrations.standing(file.session, method), **facts)
         db.add(result)
     elif result.state == "failed":
@@ -55,11 +57,13 @@ def get(db: Session, result_id: int) -> Result:
 
 
 def current(file: RecordingFile) -> list[Result]:
-    """Of every method with its options the newest result by the corrections and the reuse that count now, the newest first."""
-    standing = corrections.standing(file)
+    """Of every method with its options the newest result by the corrections, the trunk's height and the reuse that count now, the newest first."""
+    standing = corrections.standing(file), file.session.trunk_corrected
     newest: dict[str, Result] = {}
     for result in sorted(file.results, key=lambda r: -r.id):
-        if result.corrections == standing and result.reused == self_calibrations.standing(file.session, result.method):
+        if (result.corrections, result.trunk_height) == standing and result.reused == self_calibrations.standing(
+            file.session, result.method
+        ):
             newest.setdefault(json.dumps([result.method, result.parameters], sort_keys=True, default=str), result)
     return list(newest.values())
 

@@ -92,6 +92,7 @@ class PatientSession(Base):
     notes: Mapped[str] = mapped_column(default="")
     geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
+    trunk_corrected: Mapped[float | None]  # m, told afterwards: counts in place of what the recording tells (sessions/trunk_height.py)
     version: Mapped[int] = mapped_column(
         default=1, server_default="1"
     )  # counts what people changed (sessions/visit_facts.py), nothing else
@@ -181,7 +182,7 @@ class Reuse(Base):
 
 
 class Result(Base):
-    """What a method gave: a function of (recording, corrections, reuse, method, parameters, version), recomputed at will, never edited."""
+    """What a method gave: a function of (recording, corrections, trunk's height, reuse, method, parameters, version), recomputed at will, never edited."""
 
     __tablename__ = "result"
     __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"), NEVER_AGAIN)
@@ -193,6 +194,7 @@ class Result(Base):
     parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
     corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")  # that it was computed with
     reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")  # of an earlier self-calibration; empty: nothing
+    trunk_height: Mapped[float | None]  # m, in place of what the recording tells; None: as the recording tells it
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
     state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed

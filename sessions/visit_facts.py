@@ -1,21 +1,29 @@
-"""What people write on a session: notes, who examined, and its true date where the computer's clock was wrong.
+"""What people write on a session: notes, who examined, its true date where the computer's clock was wrong, how high the trunk's sensor was worn.
 
 Two people who write at once are told (ConflictError); a session that is measured or processed meanwhile disturbs nobody. What the clock said
 is kept with the reason, and putting it back is a correction like any other.
 """
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sqlalchemy import update
 from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
-from sessions import records
+from sessions import records, trunk_height
 from sessions.conflicts import ConflictError
 from sessions.dates import SLACK
 from sessions.tables import PatientSession, now
 
 LONGEST = 20_000  # characters of notes
+
+
+@dataclass(frozen=True)
+class TrunkHeight:
+    """Told afterwards."""
+
+    height: float | None  # m; None: as the recording tells it
 
 
 def change(
@@ -26,9 +34,14 @@ def change(
     examiner: str | None = None,
     started: datetime | None = None,
     date_reason: str = "",
+    trunk: TrunkHeight | None = None,
 ) -> PatientSession:
     """Change a session as it stood at `version`; ConflictError where somebody else changed it meanwhile. A new date, `started`, needs a reason."""
     session = records.get(db, session_id)
+    if trunk is not None:
+        trunk_height.require_worn(session)
+        if trunk.height is not None:
+            trunk_height.require_height(trunk.height)
     if started is not None:
         started = started if started.tzinfo else started.replace(tzinfo=UTC)
         _require_date(session, started, date_reason)
@@ -42,6 +55,8 @@ def change(
     session.examiner = session.examiner if examiner is None else examiner
     if started is not None:
         _date(session, started, date_reason.strip())
+    if trunk is not None:
+        session.trunk_corrected = None if trunk.height == session.trunk_height else trunk.height
     db.commit()
     return session
 

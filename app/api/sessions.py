@@ -25,6 +25,7 @@ from estimators.options import describe
 from sessions import audit, corrections, dates, kept_files, native, patients, records, results, self_calibrations, visit_facts
 from sessions.self_calibrations import Found
 from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
+from sessions.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20
@@ -59,6 +60,11 @@ class SessionChange(BaseModel):
     examiner: str | None = Field(None, max_length=200)
     started: datetime | None = Field(None, description="the true date, where the clock was wrong; what the clock said is kept")
     date_reason: str = Field("", max_length=1000, description="why the date is another")
+    trunk_height: float | None = Field(
+        None,
+        allow_inf_nan=False,
+        description="of the trunk's sensor above the hips, metres, told afterwards; null: as the recording tells it",
+    )
 
 
 class NewCorrection(BaseModel):
@@ -154,7 +160,6 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
     return {
         **for_reader(who, session_row(session)),
         "geometry": session.geometry,
-        "trunk_height": session.trunk_height,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
         "recordings": [
@@ -165,9 +170,17 @@ def read_session(db: Db, parts: PartsDep, who: WhoDep, session_id: int) -> dict[
 
 
 @router.patch("/sessions/{session_id}")
-def change_session(db: Db, session_id: int, change: SessionChange) -> dict[str, Any]:
-    """Notes, examiner, date; refused with 409 where somebody else changed the session meanwhile."""
-    return session_row(visit_facts.change(db, session_id, **change.model_dump(exclude_unset=True, exclude_none=True)))
+def change_session(db: Db, parts: PartsDep, session_id: int, change: SessionChange) -> dict[str, Any]:
+    """Notes, examiner, date, height of the trunk's sensor; refused with 409 where somebody else changed the session meanwhile.
+
+    With another height what was computed is computed anew, and kept.
+    """
+    told = change.model_dump(exclude_unset=True, exclude_none=True, exclude={"trunk_height"})
+    if "trunk_height" not in change.model_fields_set:
+        return session_row(visit_facts.change(db, session_id, **told))
+    before = [(f, results.current(f)) for f in records.get(db, session_id).recordings if f.sha256]
+    changed = visit_facts.change(db, session_id, **told, trunk=TrunkHeight(change.trunk_height))
+    return {**session_row(changed), "results": [pair for f, stood in before for pair in recomputed(db, parts, f, stood)]}
 
 
 @router.post("/sessions/{session_id}/results", status_code=201, dependencies=[may(CLINICIAN, SCIENTIST)])
@@ -217,6 +230,8 @@ def session_row(s: PatientSession) -> dict[str, Any]:
         "started": s.started,
         "recorded_as": s.recorded_as,
         "date_reason": s.date_reason,
+        "trunk_height": s.trunk_height if s.trunk_corrected is None else s.trunk_corrected,
+        "trunk_corrected": s.trunk_corrected is not None,
         "version": s.version,
         "finished": s.finished,
         "examiner": s.examiner,

@@ -17,6 +17,7 @@ import * as results from "../session/results.js";
 import * as selfCalibration from "../session/self_calibration.js";
 import * as tapping from "../session/tapping.js";
 import * as trials from "../session/trials.js";
+import * as trunkHeight from "../session/trunk_height.js";
 import { clock, day, t, time } from "../words/words.js";
 
 export function mount(root, api, { id, go, title, roles }) {
@@ -81,7 +82,7 @@ function draw(root, api, about) {
   const kept = [recordings, again].map((part) => [part, place()]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
-  const typed = treats ? [notes, dating] : [];
+  const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
   const aside = [done && quality, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const head = done ? [[downloads, place("")]] : [];
   const choice = [[results, place("")]];

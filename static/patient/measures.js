@@ -2,13 +2,13 @@
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
 import { handDrawing } from "./hand_drawing.js";
+import { metres, millimetres } from "./lengths.js";
 import { sendChange } from "./record.js";
 import { t } from "../words/words.js";
 
 const HANDS = ["left", "right"];
 const WHOLE = ["hand_length", "hand_breadth", "palm_length"];
 const FINGERS = ["thumb", "index", "middle", "ring", "little"];
-const MM = 1000; // of a metre
 
 export function mount(root, api, { record, treats }) {
   const box = errorBox();
@@ -81,16 +81,4 @@ function put(measures, path, value) {
   if (value === null) return delete (valueOf(measures, path.slice(0, -1)) ?? {})[last];
   const place = path.slice(0, -1).reduce((within, key) => (within[key] ??= {}), measures);
   return (place[last] = value);
-}
-
-function millimetres(value) {
-  return value === null || value === undefined ? "" : String(Number((value * MM).toFixed(1)));
-}
-
-function metres(text, what) {
-  const given = text.trim().replace(",", ".");
-  if (given === "") return null;
-  const value = Number(given);
-  if (!Number.isFinite(value)) throw new Error(t("measures.wrong", { what, text }));
-  return Number((value / MM).toFixed(6));
 }

@@ -9,9 +9,10 @@ from sqlalchemy.orm import Session
 
 from estimators.errors import InputError
 from estimators.samples import Event
-from sessions import corrections, results
+from sessions import corrections, results, trunk_height, visit_facts
 from sessions.store import open_store
 from sessions.tables import Patient, PatientSession, RecordingFile, Repeatability, Result
+from sessions.visit_facts import TrunkHeight
 from tests.simulated import loaded, pose_and_wiggle
 
 TRIALS = [
@@ -49,6 +50,23 @@ def test_a_result_is_a_function_of_what_counts_and_undoing_gives_the_first_one_b
     assert results.wanted(db, file, "m2", {}, "1").id == first.id
     assert results.current(file) == [first]
     assert [(c.reason, c.undone is None) for c in file.corrections] == [("Pain", False)]  # what was decided stays readable
+
+
+def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_put_back(db: Session, file: RecordingFile) -> None:
+    with pytest.raises(InputError, match="no sensor on the trunk"):
+        visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
+    file.summary = {**file.summary, "streams": [{"name": "trunk", "sensors": ["trunk"]}]}
+    first = results.wanted(db, file, "m2", {}, "1")
+    with pytest.raises(InputError, match=r"42 m above the hips is outside 0\.1 to 0\.7 m"):
+        visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(42.0))
+    visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
+    second = results.wanted(db, file, "m2", {}, "1")
+    assert (first.trunk_height, second.trunk_height, results.current(file)) == (None, 0.42, [second])
+    told = trunk_height.applied(loaded(pose_and_wiggle("left")), 0.42)
+    assert {e.details.get("trunk_height") for e in told.events if e.trial_type == "task"} == {0.42}
+    visit_facts.change(db, file.session_id, 2, trunk=TrunkHeight(None))
+    assert results.wanted(db, file, "m2", {}, "1").id == first.id
+    assert results.current(file) == [first]
 
 
 def test_ends_moved_again_replace_the_ends_moved_before(db: Session, file: RecordingFile) -> None:

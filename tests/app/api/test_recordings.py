@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from app.settings import Settings
@@ -15,6 +16,8 @@ from estimators.hand_anatomy import FINGERS
 from sessions import motion_bids
 from sessions.motion_bids import writer
 from sessions.recording import LoadedRecording
+from sessions.store import open_store
+from sessions.tables import RecordingFile
 from tests.app.api.conftest import files_in
 from tests.simulated import pose_and_wiggle
 
@@ -181,6 +184,27 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(client: TestClient, pa
         "needs a reason"
         in client.post(f"/api/recordings/{file['id']}/corrections", json={"event": event, "kind": "exclude", "reason": ""}).json()["error"]
     )
+
+
+def test_a_height_of_the_trunk_told_afterwards_is_computed_with_and_put_back(
+    client: TestClient, patient: int, packed: bytes, settings: Settings
+) -> None:
+    made = upload(client, patient, packed).json()
+    finished(client, made["result"])
+    at = f"/api/sessions/{made['session']}"
+    refused = client.patch(at, json={"version": 1, "trunk_height": 0.42})
+    assert (refused.status_code, "no sensor on the trunk" in refused.json()["error"]) == (422, True)
+    with open_store(settings.data).database() as db:  # as if one had been worn
+        file = db.scalars(select(RecordingFile).where(RecordingFile.session_id == made["session"])).one()
+        file.summary = {**file.summary, "streams": [{"name": "trunk", "sensors": ["trunk"]}]}
+        db.commit()
+    told = client.patch(at, json={"version": 1, "trunk_height": 0.42}).json()
+    assert (told["trunk_height"], told["trunk_corrected"], told["results"][0]["before"]) == (0.42, True, made["result"])
+    events = finished(client, told["results"][0]["now"])["content"]["events"]
+    assert [e["trunk_height"] for e in events if e["trial_type"] == "task"] == [0.42]
+    assert client.patch(at, json={"version": 1, "trunk_height": None}).status_code == 409
+    back = client.patch(at, json={"version": 2, "trunk_height": None}).json()
+    assert (back["trunk_height"], back["trunk_corrected"], back["results"][0]["now"]) == (None, False, made["result"])
 
 
 def test_a_replay_moves_along_its_time_line(client: TestClient, patient: int, packed: bytes) -> None:

@@ -23,6 +23,7 @@ NOT_MOUNTED = {
     "second_look.js",
     "hand_drawing.js",
     "kept_calibrations.js",
+    "lengths.js",
     "merging.js",
     "fact_fields.js",
     "record.js",
