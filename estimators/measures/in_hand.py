@@ -46,7 +46,8 @@ def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     force, distance = (even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance))
     if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
         return None
-    return squeeze.running(params, force.t, force.values, distance.values, holding.untold_share(h, used))
+    bent = squeeze.bent(force.t, force.values, distance.values)
+    return squeeze.running(params, force.t, force.values, distance.values, holding.untold_share(h, used), bent)
 
 
 SO_FAR: Mapping[str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]] = {  # by measure: what is told of it

@@ -31,6 +31,7 @@ from estimators.trajectory import Trajectory
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N
+BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
 USUAL = np.array([1e3, 50.0, 10.0])  # sizes of stiffness N/m, force at no distance N, and damping N s/m
 KINDS = kinds(
     Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
@@ -65,6 +66,13 @@ class Params(ContactParams):
     timing: float = option(
         0.01, "s", "by how much forces and places may be shifted against each other", "ours: a sample at 100 Hz", least=0.0
     )
+    bent: float = option(
+        0.6,
+        "1",
+        "share by which the stiffness changes over the squeezes' range, beyond which force and distance are not taken for those of a linear spring",
+        "ours: 0.5 of one in eight simulated people who squeeze a linear spring, by how their hand differs from the model",
+        least=0.05,
+    )
     lowpass: float = option(6.0, "Hz", "what is faster is taken for noise", "ours: the bandwidth of a sensor at 12 Hz", least=1.0)
 
 
@@ -85,6 +93,7 @@ class Squeezed:
     reason: str
     running: Running | None = None  # the stiffness as it stood after each sample
     untold: float = 0.0  # share of the push that is left along it: a finger that is not measured may take it
+    bent: float = 0.0  # share by which the stiffness changes over the range of the distance
 
 
 @dataclass(frozen=True)
@@ -143,11 +152,13 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     total = exchange.work(t, watts)
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
+    bends = bent(t[told], x[told], p[told])
     fit, conditions, reasons = _identified(params, h, inside, t[told], x[told], p[told])
+    reasons += [BENT] if fit and bends > params.bent else []
     untold = holding.untold_share(h, known)
-    followed = running(params, t[told], x[told], p[told], untold) if fit else None
+    followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
-    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold)
+    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold, bends)
 
 
 def _identified(
@@ -171,17 +182,31 @@ def _spring(t: Array, p: Array) -> Array:
     return np.stack([-p, np.ones(len(p)), -np.gradient(p, t)], axis=-1)[:, None]
 
 
-def running(params: Params, t: Array, x: Array, p: Array, untold: float = 0.0) -> Running:
+def bent(t: Array, x: Array, p: Array) -> float:
+    """By what share of itself the stiffness changes over the range of the distance p (n,): that of a parabola in place of the straight line."""
+    if np.ptp(p) <= 0:
+        return 0.0
+    u = (p - p.mean()) / np.ptp(p)
+    parabola = np.concatenate([_spring(t, u), (u**2)[:, None, None]], axis=2)
+    theta = identification.fitted(x[:, None], parabola, np.full(len(t), NOISE)).theta
+    return float(abs(2 * theta[3]) / max(abs(theta[0]), 1e-9))
+
+
+def running(params: Params, t: Array, x: Array, p: Array, untold: float = 0.0, bends: float = 0.0) -> Running:
     """The stiffness as it stood after each sample of force x (n,) N and distance p (n,) m on an even grid."""
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     each = NOISE * float(np.sqrt(len(t) / fit.independent))
-    alike = _alike(params, untold)
+    alike = _alike(params, untold, bends)
     return identification.followed(t, x[:, None], _spring(t, p), each, USUAL, params.memory, lambda K: alike * np.abs(K))
 
 
-def _alike(params: Params, untold: float) -> float:
-    """By what share force over distance may be wrong in all samples alike: the push is the mean of both sides, one of which lacks what is untold."""
-    return float(np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2))
+def _alike(params: Params, untold: float, bends: float) -> float:
+    """By what share force over distance may be wrong in all samples alike.
+
+    The push is the mean of both sides, one of which lacks what is untold; a stiffness that changes is any of those within its range.
+    """
+    bends = bends if bends > params.bent else 0.0
+    return float(np.sqrt(params.gain_sd**2 + params.scale_sd**2 + (untold / 2) ** 2 + bends**2 / 12))
 
 
 def figures(r: Squeeze) -> list[Figure]:
@@ -230,7 +255,7 @@ def _parameters(r: Squeeze) -> list[Figure]:
     weights = np.array([1 / f.sd[[0, 2]] ** 2 for f in fits])
     values = (weights * np.array([f.theta[[0, 2]] for f in fits])).sum(axis=0) / weights.sum(axis=0)
     scatter = 1 / np.sqrt(weights.sum(axis=0))
-    alike = _alike(r.params, max(one.untold for one in r.grasps if one.fit))
+    alike = max(_alike(r.params, one.untold, one.bent) for one in r.grasps if one.fit)
     sd = np.hypot(scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])])
     return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
 

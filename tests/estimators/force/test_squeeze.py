@@ -1,5 +1,7 @@
 """A squeeze from the readings to the stiffness; how what is held answers to frequencies; work; what a force sensor's readings mean."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from estimators.errors import InputError
 from estimators.force import exchange, frequency_response, sensor
 from estimators.measures import in_hand, squeeze
 from estimators.measures.figure import Figure
+from estimators.samples import Block
 from estimators.simulation import held_object
 from estimators.simulation.held_object import Mishap
 from estimators.simulation.scenario import Simulated
@@ -65,6 +68,16 @@ def test_a_third_finger_that_takes_a_fifth_makes_the_stiffness_as_unsure_as_it_i
     assert K.sd
     assert K.value == pytest.approx(600.0, abs=2.5 * K.sd)
     assert K.sd / K.value > 0.1
+
+
+def test_a_sensor_that_saturates_softly_bends_the_force_over_the_distance_and_that_is_said() -> None:
+    made, _ = done(5, held_object.squeeze)
+    block = made.samples["force"]
+    soft = replace(made, samples={**made.samples, "force": Block(block.stream, block.t, 6.0 * np.tanh(block.values / 6.0))})
+    K = figures(soft)["squeeze_stiffness"]
+    assert "the force does not grow evenly with the distance" in K.reason
+    assert K.sd
+    assert K.value == pytest.approx(600.0, abs=2.5 * K.sd)
 
 
 def test_the_answer_of_a_mass_on_a_spring_and_a_damper() -> None:
