@@ -5,6 +5,8 @@ from pathlib import Path
 
 from alembic import command
 from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
@@ -22,7 +24,11 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
     """A factory of database sessions on a schema that is up to date."""
     engine = connected(folder, url)
     try:
+        _require_known(engine)
         upgrade(engine)
+    except InputError:
+        engine.dispose()
+        raise
     except DatabaseError as problem:
         engine.dispose()
         raise InputError(
@@ -71,6 +77,24 @@ def upgrade(engine: Engine, to: str = "head") -> None:
         if sqlite:
             connection.exec_driver_sql("PRAGMA foreign_keys=ON")
             connection.commit()
+
+
+def known(revision: str) -> bool:
+    """Whether this program knows a revision of the schema."""
+    config = Config()
+    config.set_main_option("script_location", MIGRATIONS)
+    return revision in {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+
+
+def _require_known(engine: Engine) -> None:
+    """InputError where a newer program has been at work: what it changed would not be kept as it means it."""
+    with engine.connect() as connection:
+        revision = MigrationContext.configure(connection).get_current_revision()
+    if revision is not None and not known(revision):
+        raise InputError(
+            f"the database {place_of(engine)} has the schema {revision} of a newer version of Handscope, which this one does not know; "
+            "start the newer version, or restore a backup that was made before it"
+        )
 
 
 def _prepare_sqlite(connection: object, record: object) -> None:

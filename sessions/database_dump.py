@@ -9,12 +9,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import date, datetime
 from typing import Any
 
-from alembic.config import Config
-from alembic.script import ScriptDirectory
 from sqlalchemy import JSON, Column, Connection, Engine, MetaData, Table, func, insert, inspect, select, text
 
 from estimators.errors import InputError
-from sessions.database import MIGRATIONS, upgrade
+from sessions.database import known, upgrade
 
 REVISION = "alembic_version"
 PASSING = frozenset({"attempt", "login"})  # tables whose rows are not kept: a browser logs in again
@@ -41,9 +39,7 @@ def load(engine: Engine, lines: Iterable[bytes]) -> None:
         raise InputError("the database holds tables already; restore into an empty one, nothing was changed")
     each = iter(lines)
     revision = json.loads(next(each))["revision"]
-    config = Config()
-    config.set_main_option("script_location", MIGRATIONS)
-    if revision not in {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}:
+    if not known(revision):
         raise InputError(
             f"the backup has the database schema {revision}, which this program does not know; restore it with a newer version"
         )

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import InputError
+from sessions.database import connected
 from sessions.store import open_store
 
 
@@ -21,3 +22,13 @@ def test_a_disk_that_takes_nothing_is_named_before_the_database_is_touched(
     with pytest.raises(InputError, match=f"the data folder {tmp_path} cannot be written to: {os.strerror(why)}; mend that"):
         open_store(tmp_path)
     assert {p.name for p in tmp_path.rglob("*")} == {"incoming", "recordings"}
+
+
+def test_a_database_of_a_newer_version_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    open_store(tmp_path).close()
+    with connected(tmp_path).begin() as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    with pytest.raises(InputError, match="has the schema 9999 of a newer version of Handscope"):
+        open_store(tmp_path)
+    with connected(tmp_path).connect() as connection:
+        assert connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == "9999"
