@@ -9,7 +9,7 @@ from sqlalchemy.exc import DBAPIError
 from app.live.station import Station
 from estimators.errors import InputError
 from sessions.store import free_bytes
-from sessions.tables import Result
+from sessions.tables import AuditLine, Result
 
 if TYPE_CHECKING:
     from app.api.state import Parts
@@ -64,7 +64,9 @@ def families(parts: "Parts") -> Iterator[Any]:
     try:
         with parts.store.database() as db:
             counts = {row.state: row.n for row in db.execute(select(Result.state, func.count().label("n")).group_by(Result.state))}
+            lines = db.scalar(select(func.max(AuditLine.id))) or 0
         reachable = 1
+        yield GaugeMetricFamily("handscope_audit_lines", "lines of the audit trail: they never become fewer", lines)
     except DBAPIError:
         counts, reachable = {}, 0
     results = GaugeMetricFamily("handscope_results", "results by state", labels=["state"])

@@ -1,7 +1,8 @@
 """The audit trail: who saw, made, changed, exported and erased what, who logged in and what was refused; only ever appended to.
 
 Each line holds the hash of the one before, so that a line changed, taken out or put in breaks the chain from there on (`verified`). Who can write
-the whole database can forge a whole chain: note the last line's number and hash elsewhere and verify against them. Triggers refuse UPDATE and
+the whole database can forge a whole chain, or cut off its end: note the last line's number and hash elsewhere (`head`; every backup does) and verify
+against them. Triggers refuse UPDATE and
 DELETE of lines besides.
 
 Rows that a database session adds, changes or removes are noted with it and written in its own transaction, whoever changes them: no caller can
@@ -16,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import event, insert, inspect, select, text, update
+from sqlalchemy import Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
 from sessions.tables import (
@@ -76,6 +77,7 @@ class Verdict:
     lines: int  # that hold, from the first on
     last: str  # hash of the last of them
     broken: str = ""  # the first that does not, and how
+    back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
 
 
 def keep(database: sessionmaker[Session]) -> None:
@@ -108,7 +110,7 @@ def lines(
 
 def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
-    number, last, noted = 0, NOTHING, dict(against)
+    number, last, noted, before, back = 0, NOTHING, dict(against), None, 0
     for line in db.execute(select(AuditLine.__table__).order_by(AuditLine.id).execution_options(yield_per=1000)).mappings():
         number += 1
         if line["id"] != number:
@@ -119,10 +121,23 @@ def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
             return Verdict(number - 1, last, f"line {number} was changed")
         if noted.pop(number, line["hash"]) != line["hash"]:
             return Verdict(number - 1, last, f"line {number} has another hash than was noted: the trail was written anew up to there")
-        last = line["hash"]
+        if before is not None and line["at"] < before and not back:
+            back = number
+        last, before = line["hash"], line["at"]
     if noted:
         return Verdict(number, last, f"line {min(noted)} was noted and is missing: the trail was cut off after line {number}")
-    return Verdict(number, last)
+    if number == 0 and db.scalar(select(Account.id).limit(1)) is not None:  # making an account is told
+        return Verdict(0, NOTHING, "no line is there, though there are accounts: the trail was emptied")
+    return Verdict(number, last, back=back)
+
+
+def head(connection: Connection) -> tuple[int, str] | None:
+    """Number and hash of the last line, to be noted elsewhere; None where there is none, or the database is from before the chain."""
+    found = inspect(connection)
+    if not found.has_table("audit") or "hash" not in {column["name"] for column in found.get_columns("audit")}:
+        return None
+    last = connection.execute(text("SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1")).first()
+    return (int(last.id), str(last.hash)) if last else None
 
 
 def hash_of(line: Mapping[Any, Any]) -> str:

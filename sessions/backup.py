@@ -24,7 +24,7 @@ from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from estimators.errors import InputError
-from sessions import database_dump, object_storage
+from sessions import audit, database_dump, object_storage
 from sessions.database import FILE, RESTORING, connected, place_of
 from sessions.object_storage import MARK, ObjectStorage, attached
 from sessions.store import CACHE
@@ -52,6 +52,7 @@ class Made:
 
     files: dict[str, dict[str, Any]] = field(default_factory=dict)  # by name: bytes, sha256
     problems: list[str] = field(default_factory=list)  # what was missing or is not what was kept
+    audit: tuple[int, str] | None = None  # number and hash of the audit trail's last line
 
     @property
     def bytes(self) -> int:
@@ -137,12 +138,22 @@ def check(source: Path) -> dict[str, Any]:
     return manifest
 
 
+def audit_head(source: Path) -> tuple[int, str]:
+    """Number and hash of the audit trail's last line as a backup noted them; InputError where it did not."""
+    with _opened(source) as archive:
+        noted = _manifest(archive, source).get("audit")
+    if not noted:
+        raise InputError(f"{source} notes no line of the audit trail: it was made by an earlier version, or of a trail without lines")
+    number, total = noted
+    return int(number), str(total)
+
+
 def _archived(engine: Engine, folder: Path, software: str, out: IO[bytes]) -> tuple[dict[str, str | None], Made]:
     """Write the zip; gives the recordings that the database names, with their checksums, and what was put in."""
     made, moment = Made(), now()
     with zipfile.ZipFile(out, "w") as archive:
         with _snapshot(engine) as connection:
-            recordings = _recordings(connection)
+            recordings, made.audit = _recordings(connection), audit.head(connection)
             _put(archive, made, DATABASE, database_dump.dump(connection), zipfile.ZIP_DEFLATED)
         away = _answering(folder, made)
         for name in sorted({*recordings, *_others(folder), *_moved_out(away)}):
@@ -160,6 +171,7 @@ def _archived(engine: Engine, folder: Path, software: str, out: IO[bytes]) -> tu
             "software": software,
             "made": moment.isoformat(),
             "problems": made.problems,
+            "audit": made.audit,
         }
         archive.writestr(MANIFEST, json.dumps({**told, "files": made.files}, indent=1))
     return recordings, made

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from app.commands.words import database_url, default_data, say
 from estimators.errors import InputError
-from sessions import audit
+from sessions import audit, backup
 from sessions.database import FILE, open_database
 from sessions.tables import AuditLine
 
@@ -22,6 +22,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     verify = actions.add_parser("verify", help="go along the chain of hashes from the first line to the last")
     verify.add_argument(
         "--against", action="append", default=[], type=_noted, metavar="NUMBER:HASH", help="a last line that was noted before, elsewhere"
+    )
+    verify.add_argument(
+        "--backup", action="append", default=[], type=Path, metavar="FILE", help="a backup of this server: its note of the last line counts"
     )
     listed = actions.add_parser("list", help="lines, the newest first")
     listed.add_argument("--who", default="", metavar="NAME", help="of one account")
@@ -40,15 +43,18 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"{arguments.data} has no database, so no audit trail; name the server's data folder with --data, or its database with --database"
         )
+    noted = [*arguments.against, *map(backup.audit_head, arguments.backup)] if arguments.action == "verify" else []
     with opened(arguments.data, arguments.database) as db:
         if arguments.action == "list":
             for line in audit.lines(db, arguments.who, arguments.what, arguments.patient, limit=arguments.most):
                 say(_told(line))
             return 0
-        found = audit.verified(db, arguments.against)
+        found = audit.verified(db, noted)
     if found.broken:
         say(f"The audit trail does not hold: {found.broken}. The {found.lines} lines before hold.")
         return BROKEN
+    if found.back:
+        say(f"Line {found.back} is of an earlier time than line {found.back - 1}: was this machine's clock set back then?")
     say(f"The audit trail holds: {found.lines} lines. Note the last one elsewhere, to verify against it: {found.lines}:{found.last}")
     return 0
 

@@ -23,4 +23,6 @@ def run(arguments: argparse.Namespace) -> int:
     for problem in made.problems:
         say(f"PROBLEM: {problem}")
     say(f"{counted(len(made.files), 'file')}, {made.bytes / 1e6:.1f} MB of {arguments.data}: {arguments.file}")
+    if made.audit:
+        say(f"The audit trail's last line in it: {made.audit[0]}:{made.audit[1]}")
     return 1 if made.problems else 0

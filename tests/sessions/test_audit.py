@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,11 @@ FORGERIES: dict[str, tuple[Callable[[sa.Connection], Any], str]] = {
     "whose": (lambda c: c.exec_driver_sql("UPDATE audit SET patient = NULL WHERE id = 4"), "line 4 was changed"),
     "taken out": (lambda c: c.exec_driver_sql("DELETE FROM audit WHERE id = 2"), "line 2 is missing"),
     "the first": (lambda c: c.exec_driver_sql("DELETE FROM audit WHERE id = 1"), "line 1 is missing"),
+    "all": (lambda c: c.exec_driver_sql("DELETE FROM audit"), "no line is there"),
+    "exchanged": (
+        lambda c: [c.exec_driver_sql(f"UPDATE audit SET id = {to} WHERE id = {one}") for one, to in ((2, 9), (3, 2), (9, 3))],
+        "line 2 does not follow line 1",
+    ),
     "closed up": (
         lambda c: [c.exec_driver_sql(f"{words} audit {more}") for words, more in (("DELETE FROM", "WHERE id = 2"), ("UPDATE", "SET id = id - 1 WHERE id > 2"))],
         "line 2 does not follow line 1",
@@ -109,8 +115,9 @@ FORGERIES: dict[str, tuple[Callable[[sa.Connection], Any], str]] = {
 def test_the_first_line_that_was_forged_is_found(store: Store, forgery: str) -> None:
     forge, sentence = FORGERIES[forgery]
     with store.database() as db:
-        for k in range(5):
+        for k in range(4):
             patients.create(db, f"P-{k}")
+        accounts.add(db, "anna", ["scientist"])
     whole = verdict(store)
     assert (whole.lines, whole.broken) == (5, "")
     with connected(store.folder).begin() as connection:
@@ -163,3 +170,11 @@ def test_accounts_are_audited_without_their_passwords(store: Store) -> None:
 def test_no_table_of_patients_data_is_left_out_of_the_audit() -> None:
     machines = {"audit", "erased_file", "login", "attempt", "repeatability", "alembic_version"}  # derived, or no patient's
     assert {t.__tablename__ for t in audit.KINDS} == set(Base.metadata.tables) - machines
+
+
+def test_a_line_of_an_earlier_time_is_told_and_the_trail_holds(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    with store.database() as db:
+        for k, day in enumerate((3, 1, 2)):
+            monkeypatch.setattr(audit, "now", lambda day=day: datetime(2026, 1, day, tzinfo=UTC))
+            patients.create(db, f"P-{k}")
+    assert (verdict(store).broken, verdict(store).back) == ("", 2)
