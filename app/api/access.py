@@ -31,7 +31,6 @@ OPEN_FILES = (
 SAFE = ("GET", "HEAD", "OPTIONS")
 STRANGER = "not logged in; open the address that the server printed, or print a new one with: handscope login"
 OTHER_SITE = "the request comes from another site's page"
-FROM_NOWHERE = "a change that comes with a login's cookie has to say where it comes from: send the header Origin with this server's address"
 NOT_YOURS = "your account may not do this; ask an administrator"
 CHECK_EVERY = 15.0  # s between two looks at whether a web socket's login has ended
 
@@ -86,8 +85,6 @@ class Gate:
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
         if _from_elsewhere(connection.headers, f"{'https' if secure(scope) else 'http'}://{host}", scope["type"], changes):
             return _answer(connection, 403, OTHER_SITE)
-        if changes and cookie_of(connection) is not None and not _says_from_here(connection.headers):
-            return _answer(connection, 403, FROM_NOWHERE)
         return None
 
     def _unfit(self, connection: HTTPConnection, scope: Scope, door: Door | None) -> Response | None:
@@ -163,6 +160,9 @@ def _with_headers(send: Send, over_tls: bool) -> Send:
 def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bool:
     """Whether another site's page sent it: by Origin and by Fetch Metadata (W3C), which browsers send and pages cannot forge.
 
+    A change that says neither comes from a program, not from a page: browsers name the Origin of every one (Fetch, 3.1), and what has the cookie
+    otherwise needs no forging. SameSite=Strict stands behind this.
+
     A page on another port of the same host is another site here, though a SameSite cookie goes there. A link from elsewhere may be followed.
     """
     origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
@@ -174,12 +174,6 @@ def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bo
         return True
     followed = not changes and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
     return site not in ("same-origin", "none") and not followed
-
-
-def _says_from_here(headers: Headers) -> bool:
-    """Whether a change names where it comes from at all; that it is here, _from_elsewhere has seen. A program without a browser says it, too:
-    what a cookie alone would let in, anything that makes a browser send one could do (OWASP, Cross-Site Request Forgery Prevention)."""
-    return "origin" in headers or headers.get("sec-fetch-site") == "same-origin"
 
 
 def _is_open(url: URL) -> bool:

@@ -27,8 +27,7 @@ class Client:
     def call(self, method: str, path: str, body: Any = None) -> Any:
         """Parsed JSON of the answer."""
         data = None if body is None else json.dumps(body).encode()
-        headers = {"Cookie": self.cookie, "Content-Type": "application/json", "Origin": self.base}
-        request = urllib.request.Request(self.base + path, data, headers, method=method)
+        request = urllib.request.Request(self.base + path, data, {"Cookie": self.cookie, "Content-Type": "application/json"}, method=method)
         with urllib.request.urlopen(request) as answer:
             text = answer.read()
         return json.loads(text) if text else None

@@ -31,9 +31,7 @@ def test_the_pages_are_measured_on_as_many_rows_as_is_said(tmp_path: Path, monke
         assert counts == [60, 300, 300, 300]
         busiest = db.scalar(select(func.count(PatientSession.id)).where(PatientSession.patient_id == 1))
         assert busiest == pages.MANY
-    with TestClient(
-        create_app(Settings(data=tmp_path)), base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}
-    ) as client:
+    with TestClient(create_app(Settings(data=tmp_path)), base_url="http://127.0.0.1:8420") as client:
         client.post("/api/login", json={"token": new_token(tmp_path)})
         for paths in pages.pages().values():
             for path in paths:

@@ -24,7 +24,7 @@ def free_port() -> int:
 def test_figures_are_served_without_a_login_on_a_port_of_their_own(tmp_path: Path) -> None:
     port = free_port()
     app = create_app(Settings(data=tmp_path, metrics=("127.0.0.1", port)))
-    with TestClient(app, base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}) as client:
+    with TestClient(app, base_url="http://127.0.0.1:8420") as client:
         with store_of(app).database() as db:
             file = RecordingFile(
                 session=PatientSession(patient=patients.create(db, "P-4711"), hand="left", state="recorded"), format="native", file="x"
@@ -47,7 +47,7 @@ def test_figures_are_served_without_a_login_on_a_port_of_their_own(tmp_path: Pat
 
 def test_a_server_whose_database_is_gone_says_that_it_is_not_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     app = create_app(Settings(data=tmp_path))
-    with TestClient(app, base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}) as client:
+    with TestClient(app, base_url="http://127.0.0.1:8420") as client:
         store_of(app).close()
         (tmp_path / "handscope.sqlite").unlink()
         (tmp_path / "handscope.sqlite").mkdir()

@@ -31,7 +31,7 @@ def test_a_recording_moves_away_and_pages_still_have_it(tmp_path: Path, monkeypa
     with object_store.server() as server:
         url, port = f"s3://{object_store.BUCKET}/site", free_port()
         app = create_app(Settings(data=tmp_path, recordings=url, metrics=("127.0.0.1", port)))
-        with TestClient(app, base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}) as client:
+        with TestClient(app, base_url="http://127.0.0.1:8420") as client:
 
             def health() -> dict[str, object]:
                 return dict(client.get("/api/health").json()["object_storage"])

@@ -82,7 +82,7 @@ class Victim:
 
     def _request(self, method: str, path: str, body: Any = None) -> urllib.request.Request:
         data = None if body is None else json.dumps(body).encode()
-        headers = {"Cookie": self.cookie, "Origin": self.base} | ({"Content-Type": "application/json"} if body is not None else {})
+        headers = {"Cookie": self.cookie} | ({"Content-Type": "application/json"} if body is not None else {})
         return urllib.request.Request(self.base + path, data, headers, method=method)
 
     def _address(self) -> str:

@@ -55,13 +55,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def client(data: Path) -> Iterator[TestClient]:
     app = create_app(Settings(data=data, largest_upload=2**20))
-    with TestClient(
-        app,
-        base_url="http://127.0.0.1:8420",
-        headers={"Sec-Fetch-Site": "same-origin"},
-        raise_server_exceptions=False,
-        follow_redirects=False,
-    ) as browser:
+    with TestClient(app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False, follow_redirects=False) as browser:
         yield browser
 
 

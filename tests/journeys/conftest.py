@@ -93,7 +93,7 @@ def _leave_gloves(page: Page) -> None:
     answer = page.request.get("/api/stations")
     for station in answer.json() if answer.ok else ():
         if station["kind"] == "live":
-            page.request.delete(f"/api/stations/{station['station']}", headers={"Sec-Fetch-Site": "same-origin"})
+            page.request.delete(f"/api/stations/{station['station']}")
 
 
 def _expected(said: ConsoleMessage) -> bool:

@@ -45,7 +45,7 @@ def begun(address: str, data: Path) -> Server:
 
 def api(page: Page, path: str, method: str = "GET", **more: Any) -> Any:
     """Ask the API with the login of the page's browser."""
-    answer = page.request.fetch(path, method=method, headers={"Sec-Fetch-Site": "same-origin"}, **more)
+    answer = page.request.fetch(path, method=method, **more)
     assert answer.ok, answer.text()
     return answer.json() if answer.status != 204 else None
 

@@ -20,9 +20,7 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 @pytest.fixture(scope="module")
 def server(settings: Settings) -> Iterator[TestClient]:
     """A client without a login; the server's parts run while the module's tests do."""
-    with TestClient(
-        create_app(settings), base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}, follow_redirects=False
-    ) as client:
+    with TestClient(create_app(settings), base_url="http://127.0.0.1:8420", follow_redirects=False) as client:
         yield client
 
 

@@ -32,7 +32,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
         for made in several.map(lambda _: open_database(tmp_path, url), range(3)):
             made.kw["bind"].dispose()
     app = create_app(Settings(data=tmp_path, database_url=url))
-    with TestClient(app, base_url="http://127.0.0.1:8420", headers={"Sec-Fetch-Site": "same-origin"}) as client:
+    with TestClient(app, base_url="http://127.0.0.1:8420") as client:
         client.post("/api/login", json={"token": new_token(tmp_path)})
         patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
         packed = writer.packed(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))

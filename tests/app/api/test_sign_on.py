@@ -89,9 +89,7 @@ def server(provider: Provider, tmp_path_factory: pytest.TempPathFactory) -> Iter
         issuer=provider.issuer, client="us", secret=SECRET, claim="groups", roles={"therapists": "clinician", "lab": "scientist"}
     )
     folder: Path = tmp_path_factory.mktemp("data")
-    with TestClient(
-        create_app(Settings(data=folder, sign_on=agreed)), base_url=BASE, headers={"Sec-Fetch-Site": "same-origin"}, follow_redirects=False
-    ) as client:
+    with TestClient(create_app(Settings(data=folder, sign_on=agreed)), base_url=BASE, follow_redirects=False) as client:
         yield client
 
 
