@@ -22,7 +22,7 @@ import { clock, day, t, time } from "../words/words.js";
 
 export function mount(root, api, { id, go, title, roles }) {
   const box = errorBox();
-  const draft = {}; // notes that are being typed while the session is processed and drawn anew
+  const draft = {}; // notes and a date that are being typed while the session is processed and drawn anew
   let leave = () => {};
   let gone = false;
   root.append(box.element);

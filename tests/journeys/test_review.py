@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from tests.journeys.house import Server, api, keep_picture, new_patient, shown
 
 pytestmark = pytest.mark.browser
+RESULT = re.compile(r"/api/results/\d+\?lean")
 
 
 def test_a_trial_is_left_out_with_a_reason_and_taken_back(page_without_scene: Page, server: Server, processed: int) -> None:
@@ -92,7 +93,20 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(page_without_scene: 
 def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
-    mine, other = (another_page(scene=False, at=f"/sessions/{processed}") for _ in range(2))
+    mine, other = (another_page(scene=False, at=None) for _ in range(2))
+    mine.route(RESULT, lambda route: route.fulfill(json={**route.fetch().json(), "state": "running"}))
+    for window in (mine, other):
+        window.goto(f"/sessions/{processed}")
+    shown(mine.get_by_text("Computing the results"))
+    mine.get_by_text("Correct the date…").click()
+    mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
+    mine.get_by_label("Why the date was wrong").fill("the clock")
+    mine.get_by_label("Why the date was wrong").focus()
+    mine.unroute(RESULT)  # it is processed: the page is drawn anew
+    shown(mine.get_by_role("link", name="Report (PDF)"))
+    expect(mine.get_by_label("Why the date was wrong")).to_have_value("the clock")
+    expect(mine.get_by_label("Why the date was wrong")).to_be_focused()
+    mine.get_by_label("Why the date was wrong").fill("")
     for window in (mine, other):
         shown(window.get_by_label("Notes on this session"))
     mine.get_by_label("Notes on this session").fill("calm")
@@ -110,9 +124,8 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     shown(other.locator(".error").filter(has_text="Notes: stored now “tired”, yours “in pain”"))
     keep_picture(other, "session-conflict")
     other.get_by_role("button", name="Take what is stored").click()
-    mine.get_by_text("Correct the date…").click()
-    mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
-    mine.get_by_role("button", name="Undo").click()  # what is saved of the notes leaves the date as it was typed
+    mine.get_by_role("button", name="Undo").click()  # what is saved of the notes leaves the date as it was typed, too
+    expect(mine.get_by_label("When the session was measured")).to_have_value("2025-05-12T09:30")
     expect(mine.get_by_label("Notes on this session")).to_have_value("calm")
     session = api(mine, f"/api/sessions/{processed}")
     assert (session["notes"], session["examiner"]) == ("calm", "A. B.")
