@@ -8,11 +8,12 @@ import pytest
 from playwright.sync_api import Page
 from pypdf import PdfReader
 
-from app.benchmarks.server_under_test import glove
-from tests.journeys.house import LONG, Server, act, figure, keep_picture, name_port, new_patient, shown
+from app.benchmarks.server_under_test import glove, wait_for
+from tests.journeys.house import LONG, Server, act, api, figure, keep_picture, name_port, new_patient, shown
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
+TWICE_OUT = 10.0  # s of the task's samples: out, back, and out again, 3 s each
 IN_METRES = (  # rows of the reach that only a magnet gives
     "Distance reached",
     "Way of the hand",
@@ -49,7 +50,8 @@ def test_a_reach_is_led_through_and_told_in_metres(another_page: Callable[..., P
     looked_at(page, "reach, ready")
     act(page, "start").click()
     shown(page.get_by_text("Seconds left"))
-    page.wait_for_timeout(10_000)  # two reaches
+    station = f"/api/stations/{page.url.rsplit('/', 1)[1]}"
+    wait_for(lambda: (api(page, station)["wizard"]["pace"]["elapsed"] or 0.0) > TWICE_OUT)
     keep_picture(page, "reach-running")
     act(page, "stop").click()
     shown(act(page, "accept")).click()
