@@ -1,6 +1,6 @@
 """Whether every sensor stayed where it was: each half of the stretch is asked alone.
 
-In      a Solution of the whole stretch
+In      a Solution of the whole stretch, its Readings
 Out     sensors whose joints lie elsewhere, or whose hinges point elsewhere, in the second half than in the first
 Source  ours: a test for a break (Chow 1960, Econometrica 28) by the places that either half finds, in their standard deviations
 Limits  as much as joints' places may err before it is told: SHIFTED, TILTED; skin that moves with the joint is no slip
@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimators.quaternions import Array
-from estimators.self_calibration import covariance, solver
-from estimators.self_calibration.problem import Problem, columns
+from estimators.self_calibration import covariance, first_guess, solver
+from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, columns, posed
 from estimators.self_calibration.solver import Limits, Solution
 
 SHIFTED, TILTED = 3e-3, 3.0  # m, deg
 SURE = 3.0  # standard deviations
 STEPS = Limits(iterations=3, least_gain=10.0)  # each half begins close to its minimum
+AFRESH = Limits(iterations=20, least_gain=0.5)  # where the whole has none, from nothing
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,13 @@ class Slip:
     tilt: float  # rad, of a hinge
 
 
-def slips(found: Solution) -> list[Slip]:
-    """Most certain first."""
+def slips(found: Solution, read: Readings) -> list[Slip]:
+    """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
     middle = len(found.problem) // 2
-    halves = [_half(found, first, stop) for first, stop in ((0, middle), (middle, len(found.problem)))]
+    ask = _half if found.outcome == "converged" else _afresh
+    halves = [ask(found, read, first, stop) for first, stop in ((0, middle), (middle, len(found.problem)))]
+    if ask is _afresh and any(half.outcome != "converged" for half in halves):
+        return []
     told = []
     for s, name in enumerate(found.problem.chain.sensors):
         shifts, tilts = _shifts(found.problem, halves, s), _tilts(found.problem, halves, s)
@@ -43,11 +47,23 @@ def slips(found: Solution) -> list[Slip]:
     return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
 
 
-def _half(found: Solution, first: int, stop: int) -> Solution:
+def _half(found: Solution, read: Readings, first: int, stop: int) -> Solution:
     q_GS = found.at.q_GS[first:stop]
     # headings are free: nothing is to be turned back to where the whole began
     part = replace(_part(found.problem, first, stop), start=q_GS[0])
-    half = solver.solve(part, replace(found.at, q_GS=q_GS), STEPS)
+    return _asked(part, replace(found.at, q_GS=q_GS), STEPS)
+
+
+def _afresh(found: Solution, read: Readings, first: int, stop: int) -> Solution:
+    """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
+    whole, own = found.problem, Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
+    guess = first_guess.unknowns(whole.chain, Noise(), own)
+    part = posed(whole.chain, Noise(), own, guess.q_GS[0], "left", {})  # what depends on hand and mounting is known already
+    return _asked(replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length), guess, AFRESH)
+
+
+def _asked(part: Problem, start: Unknowns, limits: Limits) -> Solution:
+    half = solver.solve(part, start, limits)
     return replace(half, factor=covariance.honest(half.problem, half.at, half.factor))
 
 
@@ -62,7 +78,7 @@ def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[
 
 
 def _tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
-    """How far each hinge of a sensor points elsewhere, and how sure that is, rad."""
+    """How far each hinge of a sensor points elsewhere, either way round, and how sure that is, rad."""
     chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
     found = []
     for joints, where, first, second in (
@@ -71,7 +87,7 @@ def _tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[f
     ):
         sd = _sd(halves, where).reshape(-1, 2)
         for h in np.flatnonzero(joints[chain.hinges] == s):
-            found.append((float(np.arccos(np.clip(first[h] @ second[h], -1, 1))), float(np.linalg.norm(sd[h]))))
+            found.append((float(np.arccos(min(abs(first[h] @ second[h]), 1.0))), float(np.linalg.norm(sd[h]))))
     return found
 
 

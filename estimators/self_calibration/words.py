@@ -77,7 +77,7 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
 
 def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution) -> None:
     """InputError where a gyroscope was at its limit too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand."""
-    slipped = steadiness.slips(found)
+    slipped = steadiness.slips(found, read)
     if slipped or found.outcome != "converged":
         _require_rates(finger, read, found)
     if slipped:

@@ -133,7 +133,7 @@ def _known(case: Case, patch: pytest.MonkeyPatch) -> None:
     """Limbs alone are as they were solved before, and steady."""
     before = {s.problem.chain.sensors: s for s in case.alone}
     patch.setattr(solver, "learnt", lambda problem, *others: before[problem.chain.sensors])
-    patch.setattr(steadiness, "slips", lambda found: [])
+    patch.setattr(steadiness, "slips", lambda *others: [])
 
 
 def test_fingers_that_share_the_hand_are_surer_of_themselves(case: Case) -> None:

@@ -46,7 +46,7 @@ def test_turns_of_a_second_are_as_uncertain_at_every_rate(rate: float) -> None:
 
 
 def test_where_nothing_is_found_clipping_is_said_to_be_why(solved: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steadiness, "slips", lambda found: [])
+    monkeypatch.setattr(steadiness, "slips", lambda *others: [])
     read = readings(recorded(1, 16.0))
     often = read.gyr_doubt.copy()
     often[::4, 3] = DOUBTFUL
