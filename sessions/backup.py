@@ -27,7 +27,7 @@ from estimators.errors import InputError
 from sessions import audit, database_dump, object_storage
 from sessions.database import FILE, RESTORING, connected, place_of
 from sessions.object_storage import MARK, ObjectStorage, attached
-from sessions.store import CACHE
+from sessions.store import CACHE, PROBE, free_bytes
 from sessions.tables import now
 
 FORMAT = "handscope backup"
@@ -85,7 +85,8 @@ def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
     except OSError as problem:
         raise InputError(f"{target} cannot be written: {problem.strerror}; no backup was made") from None
     except DBAPIError as problem:
-        raise InputError(f"the database {place_of(engine)} cannot be read ({problem.orig}); no backup was made") from None
+        full = f"; the disk of {folder} is full: make a megabyte of room there" if free_bytes(folder) < PROBE else ""
+        raise InputError(f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made") from None
     finally:
         partial.unlink(missing_ok=True)
         engine.dispose()
@@ -107,7 +108,7 @@ def restore(source: Path, folder: Path, url: str | None = None, progress: Callab
             (folder / RESTORING).touch()
             _unpack(archive, manifest, folder, progress)
             with archive.open(DATABASE) as lines:
-                database_dump.load(engine, lines)
+                _fill(engine, lines)
             engine.dispose()
             if url:
                 (folder / RESTORING).unlink()
@@ -133,8 +134,7 @@ def check(source: Path) -> dict[str, Any]:
     with _opened(source) as archive:
         manifest = _manifest(archive, source)
         for name, told in manifest["files"].items():
-            with archive.open(name) as file:
-                _require(name, told, _pieces(file))
+            _require(name, told, _read(archive, name))
     return manifest
 
 
@@ -287,19 +287,37 @@ def _unpack(archive: zipfile.ZipFile, manifest: dict[str, Any], folder: Path, pr
         path = (folder / name).resolve()
         if not path.is_relative_to(home) or path == home / RESTORING:
             raise InputError(f"{name!r} in the backup lies outside the data folder; nothing was restored")
-        with archive.open(name) as file:
-            if name == DATABASE:
-                _require(name, told, _pieces(file))
-            else:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with path.open("xb") as target:
-                    _require(name, told, _written(file, target))
+        if name == DATABASE:
+            _require(name, told, _read(archive, name))
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as target:
+                _require(name, told, _written(_read(archive, name), target))
         done += told["bytes"]
         progress(done / whole)
 
 
-def _written(file: IO[bytes], target: IO[bytes]) -> Iterator[bytes]:
-    for piece in _pieces(file):
+def _fill(engine: Engine, lines: Iterable[bytes]) -> None:
+    """Rows into the database; checksums guard against accidents, not against somebody who made them to fit."""
+    try:
+        database_dump.load(engine, lines)
+    except (AttributeError, KeyError, StopIteration, TypeError) as problem:
+        raise InputError(
+            f"the rows in the backup are not those of a Handscope database ({type(problem).__name__} {problem}); nothing was restored"
+        ) from problem
+
+
+def _read(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:
+    """A file's bytes; BadZipFile also where the archive points outside itself, or its disk does not give them."""
+    try:
+        with archive.open(name) as file:
+            yield from _pieces(file)
+    except OSError as problem:
+        raise zipfile.BadZipFile(f"{name}: {problem.strerror}") from problem
+
+
+def _written(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
+    for piece in pieces:
         target.write(piece)
         yield piece
     target.flush()

@@ -1,9 +1,11 @@
 """A backup restored is what was backed up, row by row and byte by byte, on either database; a damaged one is refused and leaves nothing."""
 
+import hashlib
+import io
 import json
 import threading
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -214,6 +216,34 @@ def test_a_crafted_backup_writes_nowhere_else(name: str, whole: bytes, tmp_path:
     with pytest.raises(InputError, match="outside the data folder"):
         backup.restore(tmp_path / "b.zip", tmp_path / "new" / "data")
     assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["b.zip", "w.zip"]
+
+
+def _rows_exchanged(whole: bytes, lines: bytes) -> bytes:
+    """A backup with other rows, and a manifest that was made to fit."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(made, "w") as new:
+        manifest = json.loads(old.read("manifest.json"))
+        manifest["files"]["database.jsonl"]["sha256"] = hashlib.sha256(lines).hexdigest()
+        for name in old.namelist():
+            new.writestr(name, {"manifest.json": json.dumps(manifest).encode(), "database.jsonl": lines}.get(name) or old.read(name))
+    return made.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "sentence"),
+    [
+        (lambda whole: whole[100:], "is damaged or no backup"),
+        (lambda whole: _rows_exchanged(whole, b"{}"), "not those of a Handscope database"),
+        (lambda whole: _rows_exchanged(whole, b'{"revision":"0001"}\n{"table":"nobody"}'), "not those of a Handscope database"),
+    ],
+)
+def test_a_backup_without_its_beginning_or_with_other_rows_is_refused_in_words(
+    spoilt: Callable[[bytes], bytes], sentence: str, whole: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / "b.zip").write_bytes(spoilt(whole))
+    with pytest.raises(InputError, match=sentence):
+        backup.restore(tmp_path / "b.zip", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
 
 
 def test_what_stands_in_the_way_is_said(store: Store, tmp_path: Path) -> None:
