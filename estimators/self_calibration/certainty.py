@@ -2,7 +2,8 @@
 
 In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
 Out     Certainty: standard deviations of seats, places, angles and tip
-Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are
+Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are, and
+        so is at what angle of a joint skin is not pulled
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,8 +16,8 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.self_calibration import posterior, segments
-from estimators.self_calibration.problem import Unknowns
+from estimators.self_calibration import posterior, residuals, segments
+from estimators.self_calibration.problem import Chain, Unknowns
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Solution
 
@@ -67,8 +68,28 @@ def _drawn(
     for k, at in enumerate(draws):
         turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
         seated = {s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float)) for s, turn in zip(SEGMENTS, turns)}
-        others.append(segments.of_solution(replace(best, at=replace(at, q_GS=at.q_GS[rows])), hand, seated))
+        drawn = straightened(replace(at, q_GS=at.q_GS[rows]), best.problem.chain, _bent(best.problem.chain, turns))
+        others.append(segments.of_solution(replace(best, at=drawn), hand, seated))
     return others
+
+
+def _bent(chain: Chain, turns: Array) -> Array:
+    """How far joints are bent less than they are believed to be (J,) rad, where mountings (segments, 3) are off by so much: a segment without two joints points as its has it."""
+    shown = {s for s, _, _ in residuals.bones(chain)}
+    z = [0.0 if s in shown else turns[SEGMENT[name], 2] for s, name in enumerate(chain.sensors)]
+    return np.array([z[child] - z[parent] for parent, child in zip(chain.parents, chain.children)])
+
+
+def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
+    """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
+    near, far, axis_near, axis_far = at.near.copy(), at.far.copy(), at.axis_near.copy(), at.axis_far.copy()
+    for k, s in enumerate(chain.children):
+        turn, behind, hinges = off[k] * at.skin_turn[k], chain.parents == s, chain.hinges
+        for arms, which in ((near, k), (far, behind)):
+            arms[which] -= np.cross(turn, arms[which]) + off[k] * at.skin_slide[k]
+        for axes, own in ((axis_near, hinges == k), (axis_far, behind[hinges])):
+            axes[own] -= np.cross(turn, axes[own])
+    return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far)
 
 
 def _thinned(found: Solution, rows: Array) -> Solution:

@@ -7,9 +7,10 @@ import pytest
 
 from estimators import quaternions as quat
 from estimators.quaternions import Array
-from estimators.self_calibration import segments, solver
+from estimators.self_calibration import certainty, segments, solver
 from estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
 from estimators.self_calibration.segments import Segments
+from estimators.self_calibration.solver import Limits, Solution
 from estimators.simulation.artificial_finger import HINGES, SEGMENTS
 from estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import cold, recorded
@@ -54,3 +55,15 @@ def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_w
 
 def _mounted_otherwise(problem: Problem, q: Array) -> Problem:
     return replace(problem, flexing=quat.rotate(q, problem.flexing), distal=quat.rotate(q, problem.distal))
+
+
+def test_a_hand_mounted_otherwise_has_its_skin_pulled_from_another_zero(with_skin: Solution) -> None:
+    """By 12 deg about the MCP joint's axis: where the next sensor's joints and hinge lie follows from how soft its skin is."""
+    before, links, turn = with_skin.problem, with_skin.problem.chain, np.radians(12.0)
+    distal = before.distal.copy()
+    distal[0] = quat.rotate(quat.exp(turn * before.flexing[0]), distal[0])
+    other = solver.solve(replace(before, distal=distal), with_skin.at, Limits(iterations=4)).at
+    zero = certainty.straightened(other, links, np.array([-turn, 0.0, 0.0]))
+    for name in ("near", "far", "axis_far"):
+        here, there, back = (getattr(at, name)[1 if name != "near" else 0] for at in (with_skin.at, other, zero))
+        assert np.linalg.norm(back - here) < 0.3 * np.linalg.norm(there - here)
