@@ -33,6 +33,7 @@ class Sizes(NamedTuple):
     gyr_moving: float  # 1/sqrt(Hz), times the rate
     acc: float  # m/s^2/sqrt(Hz), white
     acc_slow: float  # m/s^2/sqrt(Hz), what errors that stay alike amount to
+    acc_moving_slow: float  # 1/sqrt(Hz), times the acceleration
     mag: float  # T
     mag_left: float  # T
     left_alike: float  # rad
@@ -40,6 +41,7 @@ class Sizes(NamedTuple):
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
     field_walk: float  # T/sqrt(s)
+    field_across: float  # T
     gravity: float
     gate: float  # share of g
     acc_still: float  # m/s^2
@@ -217,10 +219,24 @@ def rates(x: Array, now: Array) -> tuple[float, float]:
 
 
 @inlined
-def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, rough: float) -> None:
-    """The covariance dt later, base and target turning by w_b and w_t (rad/s), in place; `rough` multiplies the noise of sensors that did not answer.
+def pushed(s: Sizes, x: Array, now: Array) -> float:
+    """How much base and target are accelerated, (m/s^2)^2, both together."""
+    R = matrix(x[XQ : XQ + 4])
+    up, out = np.zeros(3), 0.0
+    up[2] = s.gravity
+    g_b: Array = back(matrix(x[XGB : XGB + 4]), up)
+    g_t: Array = back(R, g_b)
+    for i in range(3):
+        out += (now[3 + i] - x[XBA + i] - g_b[i]) ** 2 + (now[9 + i] - x[XTA + i] - g_t[i]) ** 2
+    return out
 
-    (5.6). What scales and axes of a gyroscope are off by grows with its rate: as noise of one size it would blur the turning of what does not turn.
+
+@inlined
+def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, push: float, spread_field: float, rough: float) -> None:
+    """The covariance dt later, base and target turning by w_b and w_t (rad/s) and accelerated by `push` (m/s^2)^2, in place; `spread_field` T is what the
+    field across itself may be at other places of the trunk; `rough` multiplies the noise of sensors that did not answer.
+
+    (5.6). What scales and axes of a sensor are off by grows with what it reads: as noise of one size it would blur the turning of what does not turn.
     """
     carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
@@ -238,7 +254,7 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, rou
             P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
     put(carried, P[:OWN, :OWN])
     gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
-    acc = rough * 2 * s.acc * s.acc + s.acc_slow * s.acc_slow
+    acc = 2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push  # of both accelerometers
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
             for k in range(3):
@@ -251,7 +267,7 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, rou
         P[P_ + i, P_ + i] += acc * dt**3 / 3
         P[P_ + i, V_ + i] += acc * dt**2 / 2
         P[V_ + i, P_ + i] += acc * dt**2 / 2
-        P[B_ + i, B_ + i] += s.field_walk**2 * dt
+        P[B_ + i, B_ + i] += s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
         P[BTA + i, BTA + i] += s.acc_walk**2 * dt

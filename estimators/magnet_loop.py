@@ -12,6 +12,7 @@ from estimators.compiled import inlined, looped
 from estimators.dipole import MU0_4PI
 from estimators.kalman import correct
 from estimators.magnet_filter import (
+    B_,
     BBA,
     BBG,
     BTA,
@@ -22,6 +23,7 @@ from estimators.magnet_filter import (
     TH,
     THG,
     V_,
+    XB,
     XBA,
     XBG,
     XGB,
@@ -34,6 +36,7 @@ from estimators.magnet_filter import (
     corrected,
     matrix,
     moved,
+    pushed,
     rates,
     skew,
     stepped,
@@ -57,7 +60,10 @@ MEMORY = 0.5  # s over which surprises are averaged
 ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
+ROAMED = 600.0  # s over which it is looked how far the field differs from place to place
 SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading
+SINCE, MEAN, SQUARE = 3, 4, 6  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
+MOODS = 8
 
 
 @inlined
@@ -252,6 +258,19 @@ def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
     return out
 
 
+@inlined
+def roamed(mood: Array, x: Array, dt: float) -> float:
+    """How much the field differs from place to place, T: by its two components that readings and gravity tell. The mood in place."""
+    mood[SINCE] = min(mood[SINCE] + dt, ROAMED)
+    square, share = 0.0, dt / mood[SINCE]
+    for i in range(2):
+        off = x[XB + 1 + i] - mood[MEAN + i]
+        mood[MEAN + i] += share * off
+        mood[SQUARE + i] += share * ((1.0 - share) * off * off - mood[SQUARE + i])
+        square += 0.5 * mood[SQUARE + i]
+    return math.sqrt(square)
+
+
 @looped
 def followed(
     s: Sizes,
@@ -285,7 +304,11 @@ def followed(
         elif dt > 0:
             x = stepped(s, x, before, now, dt, F)
             w_b, w_t = rates(x, now)
-            widened(s, P, F, dt, w_b, w_t, rough)
+            F[B_, B_] = math.exp(-w_b * dt / s.left_alike)  # g is turned so that the field has nothing across itself, on the whole
+            x[XB] *= F[B_, B_]
+            for i in range(3 * len(mags[n])):  # what calibrations left becomes another, and nothing is known of that
+                x[XM + 6 + i] *= F[B_, B_]
+            widened(s, P, F, dt, w_b, w_t, pushed(s, x, now), max(s.field_across, roamed(mood, x, dt)), rough)
         went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
         settled(way, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):

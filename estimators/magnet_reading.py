@@ -4,7 +4,7 @@ In      state x and covariance P as magnet_filter.py has them, readings (magneto
 Out     readings and slopes; errors, covariance, what is missed
 Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from
         linear where the place is not well known
-Leaves  of a place that is known the slopes are those halfway to where the readings lead (docs/methods.md has why)
+Leaves  of a place that is known the slopes are those three quarters of the way to where the readings lead (docs/methods.md has why)
 """
 
 import math
@@ -40,6 +40,7 @@ from estimators.quaternions import Array
 from estimators.small_matrices import block
 
 ITERATIONS = 6
+SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
 NEAR = 0.002  # m: a place that moves by less is found
 GRID = 10  # places searched along each axis of the volume
 EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
@@ -132,15 +133,15 @@ def approached(dx: Array, new: Array, last: bool) -> float:
 def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
     """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
 
-    The slopes are those halfway to where the readings lead: over that way they tell the change of a reading up to its second derivative, and take half as
-    much of the readings' noise into themselves.
+    Slopes where the filter is draw a place away from the array, slopes where the readings lead to draw it near: by 2 share - 3/2 of what the readings'
+    curvature makes of the filter's variance, where half of that is their own noise, as of a hand that rests (else the filter's movement is in it).
     """
     size, rows = len(P), 3 * len(mag)
     dx, C, cost, new = np.zeros(size), P, 0.0, np.empty(size)
     H, missed, noise, unused = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
     compared(s, x, way, mag, grown, H, missed, noise)
     for iteration in range(ITERATIONS):
-        compared(s, moved(x, 0.5 * dx), way, mag, grown, H, unused, noise)
+        compared(s, moved(x, SHARE * dx), way, mag, grown, H, unused, noise)
         C = P.copy()
         cost = correct(C, missed, H, noise, new)
         if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:

@@ -23,7 +23,7 @@ from estimators.gravity import GRAVITY
 from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
 from estimators.magnet_lateness import WAY
 from estimators.magnet_localisation import Located, located
-from estimators.magnet_loop import followed
+from estimators.magnet_loop import MOODS, followed
 from estimators.magnet_options import DEG, MagnetParams, sizes
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
 from estimators.quaternions import Array
@@ -65,12 +65,13 @@ class State:
     setup: Setup
     x: Array | None  # (36 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
     covariance: Array  # (34 + 6 magnetometers,) squared
-    mood: Array  # (3,)
+    mood: Array  # (8,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
     way: Array  # (21,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
     heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
     noise: float = 0.0  # uT, where it is more than was told
+    contradicted: float = -np.inf  # s, newest sample at which readings contradicted what was told
     t: float = -np.inf
 
 
@@ -110,7 +111,7 @@ def start(setup: Setup) -> State:
         setup,
         None,
         np.empty((0, 0)),
-        np.array([1.0, 0.0, 0.0]),
+        np.concatenate([[1.0], np.zeros(MOODS - 1)]),
         np.full(12, np.nan),
         np.zeros(WAY),
         np.empty((0, 12 + setup.array.places.size)),
@@ -185,7 +186,12 @@ def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[S
     )
     t = float(readings.t[-1]) if n else state.t
     track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
-    return replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t), track
+    now = readings.t[first:]
+    known = np.concatenate([[state.contradicted], np.where(track.doubtful[first:], now, -np.inf)])
+    contradicted = np.maximum.accumulate(known)
+    doubtful = np.concatenate([track.doubtful[:first], now - contradicted[1:] <= params.doubt_lasts])
+    state = replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t)
+    return replace(state, contradicted=float(contradicted[-1])), replace(track, doubtful=doubtful)
 
 
 def finish(params: MagnetParams, state: State) -> tuple[State, Track]:

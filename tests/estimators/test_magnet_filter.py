@@ -47,8 +47,8 @@ def _moved(x: Array, dx: Array) -> Array:
 
 
 @looped
-def _widened(s, P: Array, F: Array, dt: float, w_b: float) -> None:  # type: ignore[no-untyped-def]
-    mf.widened(s, P, F, dt, w_b, 0.0, 1.0)
+def _widened(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None:  # type: ignore[no-untyped-def]
+    mf.widened(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
 
 
 def _state() -> Array:
@@ -113,7 +113,8 @@ def test_the_covariance_is_carried_as_one_matrix() -> None:
     whole = np.diag(kept)
     whole[:27, :27] = F
     expected = whole @ P @ whole.T + SIZES.mag_left**2 * np.diag(1 - kept**2)
-    _widened(still, P, F, 1 / 60, 60 * turned)
+    expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
+    _widened(still, P, F, 1 / 60, 60 * turned, 2.0)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
 
 

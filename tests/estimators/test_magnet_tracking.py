@@ -10,6 +10,7 @@ from estimators import magnet_setup, magnetometer_sphere
 from estimators import magnet_tracking as tracking
 from estimators import quaternions as quat
 from estimators.errors import InputError
+from estimators.magnet_filter import XM
 from estimators.magnet_options import MagnetParams
 from estimators.magnet_tracking import Readings, Setup, Track
 from estimators.quaternions import Array
@@ -142,6 +143,28 @@ def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
     off, late = _off(m, track), m.t > 15.0
     assert np.sqrt((off[late] ** 2).mean()) < 0.025
     assert (off < 4 * np.linalg.norm(track.p_sd, axis=1))[late].all()
+
+
+def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    """At the pace at which it becomes unsure: kept for good, it drew a hand at rest before a breathing trunk away, 2 cm within a minute."""
+    _, setup, readings, _ = both
+    heard, silent = (Readings(*(getattr(readings, f.name)[part] for f in fields(Readings))) for part in (slice(900), slice(900, 1500)))
+    before, _ = tracking.step(PARAMS, tracking.start(setup), heard)
+    after, _ = tracking.step(PARAMS, before, replace(silent, mag=np.full_like(silent.mag, np.nan)))
+    assert before.x is not None and after.x is not None
+    left = slice(XM + 6, XM + 6 + setup.array.places.size)
+    assert np.linalg.norm(after.x[left]) < 0.6 * np.linalg.norm(before.x[left])
+
+
+def test_what_readings_contradicted_stays_doubtful_for_a_while(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    """Iron is passed: for ten seconds more, whatever the blocks; in between readings agreed again with what was wrongly learnt."""
+    m, setup, readings, _ = both
+    mag = readings.mag.copy()
+    mag[720:780, 1] += 20e-6
+    state, first = tracking.step(PARAMS, tracking.start(setup), Readings(m.t[:800], readings.base[:800], readings.target[:800], mag[:800]))
+    _, then = tracking.step(PARAMS, state, Readings(m.t[800:], readings.base[800:], readings.target[800:], mag[800:]))
+    assert first.doubtful[760:].all() and not first.doubtful[600:720].any()
+    assert then.doubtful[m.t[800:] < 22.5].all() and not then.doubtful[m.t[800:] > 26.0].any()
 
 
 def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(both: tuple[Motion, Setup, Readings, Track]) -> None:
