@@ -2,8 +2,7 @@
 
 In      angles and rotations q_pc of all joints, covariances P (n, 6 chains, 9, 9) of the errors of their rotations, q_true = q exp(d); a sized hand
 Out     standard deviations of angles (n, joints, 3) and of tips along the axes of WCS (n, 5, 3)
-Source  derivatives of Salchow-Hoemmen 2019, (20)-(22) and (23)-(27)
-Limits  lengths err each for itself, all by one share of themselves
+Source  derivatives of Salchow-Hoemmen 2019, (20)-(22) and (23)-(27); which lengths err together: length_errors.py
 """
 
 import math
@@ -22,11 +21,12 @@ from estimators.small_matrices import variance_of
 JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6 chains, 3) as kernels take them
 
 
-def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, length_sd: float) -> tuple[Array, Array, Array]:
+def of_hand(angles: Array, q_pc: Array, P: Array, geometry: HandGeometry, of_lengths: Array) -> tuple[Array, Array, Array]:
     """Standard deviations of all joints' angles, finite for those that are no freedom, too; of the tips: of the fingers' rotations, of the wrist's where
-    it is measured, and of lengths, which err by the share `length_sd`; and the largest variance (n, 6 chains, 3 joints) of a rotation about any axis.
+    it is measured, and of lengths with the covariance `of_lengths` (5, 6, 6) of length_errors.py; and the largest variance (n, 6 chains, 3 joints)
+    of a rotation about any axis.
     """
-    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), length_sd, angles, q_pc, P)
+    angles_sd, tips_sd, largest = _of_hand(JOINTS_OF, geometry.roots(), geometry.chain_offsets(), of_lengths, angles, q_pc, P)
     return angles_sd, tips_sd, largest
 
 
@@ -54,13 +54,13 @@ def tip_row(q_WH: Array, q_pc: Array, root: Array, offsets: Array, J: Array, bon
             J[0, 3 * j + b], J[1, 3 * j + b], J[2, 3 * j + b] = y * arm[2] - z * arm[1], z * arm[0] - x * arm[2], x * arm[1] - y * arm[0]
 
 
-@rowwise("(c,k),(f,v),(f,k,v),(),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
+@rowwise("(c,k),(f,v),(f,k,v),(f,l,l),(j,a),(j,q),(c,e,e)->(j,a),(f,v),(c,k)")
 def _of_hand(
-    joints: Array, roots: Array, offsets: Array, length_sd: float, angles: Array, q_pc: Array, P: Array,
+    joints: Array, roots: Array, offsets: Array, of_lengths: Array, angles: Array, q_pc: Array, P: Array,
     angles_sd: Array, tips_sd: Array, largest: Array,
 ) -> None:  # fmt: skip
     C, J_tip, bones, q, places = np.zeros((12, 12)), np.empty((3, 12)), np.empty((4, 3)), np.empty((4, 4)), np.empty((4, 3))
-    J, own, C_own = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    J, own, C_own, of_root, by_length = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
     for a in range(4):  # an unknown wrist counts as neutral, as in forward kinematics
         q[3, a] = q_pc[0, a] if math.isfinite(q_pc[0, 0]) else (1.0 if a == 0 else 0.0)
     for c in range(joints.shape[0] - 1, -1, -1):  # the wrist's, the last, first
@@ -90,6 +90,8 @@ def _of_hand(
             for j in range(3):
                 places[j, a] = offsets[c, j, a]
         tip_row(q[3], q, places[3], places, J_tip, bones)
+        quat.matrix_row(q[3], own, of_root)
         for a in range(3):
-            of_lengths = bones[0, a] ** 2 + bones[1, a] ** 2 + bones[2, a] ** 2 + bones[3, a] ** 2
-            tips_sd[c, a] = math.sqrt(length_sd * length_sd * of_lengths + max(variance_of(J_tip[a], C), 0.0))
+            for k in range(3):
+                by_length[k], by_length[3 + k] = of_root[a, k], bones[1 + k, a]
+            tips_sd[c, a] = math.sqrt(variance_of(by_length, of_lengths[c]) + max(variance_of(J_tip[a], C), 0.0))

@@ -61,6 +61,14 @@ class HandMeasures:
     joint_positions: Mapping[str, tuple[float, float, float]] = field(
         default_factory=dict
     )  # in the hand's frame from the wrist's centre, by joint
+    measured: frozenset[str] | None = None  # which of all these were measured where others were derived before; None: all of them
+
+    def told(self) -> frozenset[str]:
+        """What was measured: names of the hand's lengths, fingers whose total is known, segments, joints."""
+        if self.measured is not None:
+            return self.measured
+        scalars = (name for name in ("hand_length", "hand_breadth", "palm_length") if getattr(self, name) is not None)
+        return frozenset((*scalars, *self.finger_length, *self.segment_length, *self.joint_positions))
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,7 @@ class HandGeometry:
     joint_positions: Mapping[str, tuple[float, float, float]]  # m, MCP and thumb CMC centres in the hand's frame from the wrist's centre
     tip_tissue: Mapping[str, float]  # m, by finger
     palm_length: float  # m
+    measured: frozenset[str] = frozenset()  # what of it was measured, as HandMeasures.told names it; the rest is derived: length_errors.py
 
     def roots(self) -> Array:
         """Where the five chains begin in the hand's frame (5, 3), thumb first."""
@@ -107,7 +116,7 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
     for finger in FINGERS:
         outer = m.finger_length.get(finger)
         lengths |= _phalanges(finger, m.segment_length, outer, FINGER_LENGTH[finger] * length, tissue[finger])
-    return HandGeometry(hand, lengths, _joint_positions(hand, m, lengths["hand"], breadth), tissue, lengths["hand"])
+    return HandGeometry(hand, lengths, _joint_positions(hand, m, lengths["hand"], breadth), tissue, lengths["hand"], m.told())
 
 
 def hand_length(m: HandMeasures) -> float:
@@ -140,7 +149,7 @@ def check(m: HandMeasures) -> None:
 
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment name."""
-    known = {"hand_length", "hand_breadth", "palm_length", "finger_length", "tip_tissue", "joint_positions"}
+    known = {"hand_length", "hand_breadth", "palm_length", "finger_length", "tip_tissue", "joint_positions", "measured"}
     unknown = set(table) - known - set(SEGMENTS)
     if unknown:
         raise InputError(f"HandGeometry has unknown entries {sorted(unknown)}; known are {sorted(known)} and segment names")
@@ -151,6 +160,7 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
         by_finger = {name: {f: float(v) for f, v in dict(table.get(name) or {}).items()} for name in ("finger_length", "tip_tissue")}
         segments = {s: float(table[s]) for s in SEGMENTS if s != "hand" and table.get(s) is not None}
         positions = {j: (float(x), float(y), float(z)) for j, (x, y, z) in dict(table.get("joint_positions") or {}).items()}
+        measured = None if table.get("measured") is None else frozenset(str(name) for name in table["measured"])
     except (TypeError, ValueError) as problem:
         raise InputError(
             f"HandGeometry cannot be read ({problem}); lengths are numbers in metres, finger_length and tip_tissue objects by finger"
@@ -164,6 +174,7 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
         segment_length=segments,
         tip_tissue=by_finger["tip_tissue"],
         joint_positions=positions,
+        measured=measured,
     )
     check(measures)
     return measures
@@ -176,6 +187,7 @@ def table_of(geometry: HandGeometry) -> dict[str, Any]:
         **{segment: value for segment, value in geometry.lengths.items() if segment != "hand" and value > 0},
         "tip_tissue": dict(geometry.tip_tissue),
         "joint_positions": {joint: list(p) for joint, p in geometry.joint_positions.items()},
+        "measured": sorted(geometry.measured),
     }
 
 

@@ -87,7 +87,8 @@ def with_known(pose: Calibration, known: Known) -> Calibration:
         raise InputError(f"{WITHOUT_POSE}: the calibration tells how sensors sit, not where they point; record 3 s of the pose first")
     seats = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
     seated = functional_calibration.seated(pose, {"hand": pose.q_BS["hand"]} | seats) if seats and "hand" in pose.q_BS else pose
-    geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, **known.lengths})
+    measured = pose.geometry.measured | set(known.lengths)
+    geometry = replace(pose.geometry, lengths={**pose.geometry.lengths, **known.lengths}, measured=measured)
     return replace(
         seated,
         geometry=geometry,

@@ -21,6 +21,7 @@ from estimators import (
     functional_steps,
     hand_pose,
     joint_angles,
+    length_errors,
     magnetometers,
     sensor_fusion,
     time_base,
@@ -57,7 +58,7 @@ class Params(FilterParams, sensor_fusion.FusionParams, functional_steps.Function
     length_sd: float = option(
         0.03,
         "1",
-        "how far a phalanx, and the place of a knuckle, may be from the model's length; part of the tips' standard deviation",
+        "how far a length of the hand that was not measured, or its share of one that was, may be from the model's; part of the tips' standard deviation",
         "Salchow-Hoemmen 2019, 5: ratios vary from subject to subject by a few percents; size ours",
     )
 
@@ -82,6 +83,7 @@ class State:
     raw: ekf_alignment.State  # samples that wait for their rows
     chains: finger_ekf.State
     sure: Sure
+    of_lengths: Array  # (5, 6, 6) how the lengths err: length_errors.py
     magnetic: magnetometers.State | None = None  # None: magnetometers are not asked for
 
 
@@ -103,6 +105,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         ekf_alignment.start(calibration, math.radians(params.gyr_noise)),
         chains,
         sure,
+        length_errors.covariance(calibration.geometry, params.length_sd),
         magnetic,
     )
 
@@ -238,7 +241,7 @@ def _sure(params: Params, state: State, found: finger_ekf.Estimate, pose: Pose) 
     if not len(found.told):
         return before
     angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
-    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, state.calibration.geometry, params.length_sd)
+    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, state.calibration.geometry, state.of_lengths)
     return Sure(
         np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),
