@@ -60,12 +60,22 @@ def performed(
     pose_error: float = POSE_ERROR,
     length_errors: bool = True,
     wrist_error: float | None = None,
+    give: float = 0.0,
 ) -> Simulated:
-    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise."""
+    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
     return recorded(
-        experiment, of_person, errors or SensorErrors(), field, "left", pose_error, length_errors, RATE, wrist_error_deg=wrist_error
+        experiment,
+        of_person,
+        errors or SensorErrors(),
+        field,
+        "left",
+        pose_error,
+        length_errors,
+        RATE,
+        wrist_error_deg=wrist_error,
+        give_deg=give,
     )
 
 

@@ -7,14 +7,14 @@ Limits  how far each joint goes is ours: the papers give numbers of repetitions,
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
 from estimators.hand_geometry import HandGeometry
 from estimators.quaternions import Array
-from estimators.simulation import functional, guided, held, tasks
+from estimators.simulation import functional, giving, guided, held, tasks
 from estimators.simulation.magnetic_field import MagneticField
 from estimators.simulation.person import drawn
 from estimators.simulation.scenario import Simulated, performed
@@ -53,22 +53,24 @@ def recorded(
     link: Transmission = WIRED,
     wrist_error_deg: float | None = None,
     steps: bool = False,
+    give_deg: float = 0.0,
 ) -> Simulated:
     """Somebody with a hand of their own does it; its geometry is what the method is told. The wrist misses the pose as the fingers do unless told otherwise.
 
-    With `steps` a functional calibration stands between the pose and the experiment.
+    With `steps` a functional calibration stands between the pose and the experiment; joints give by `give_deg` (giving.py).
 
     Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
     """
-    of_person, of_pose, of_motion, of_sensors, of_steps = rng.spawn(5)
+    of_person, of_pose, of_motion, of_sensors, of_steps, of_give = rng.spawn(6)
     person = drawn(hand, of_person)
     true = person.true if length_errors else person.told
     pose, *rest = experiment.perform(true, of_motion)
     pose = tasks.initial_pose(true, pose.motion.duration, taken=_missed(tasks.flat(), pose_error_deg, of_pose, wrist_error_deg))
     calibrating = functional.all_steps(true, of_steps) if steps else ()
-    return performed(
-        [pose, *calibrating, *rest], hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link
-    )
+    whole, phase = [pose, *calibrating, *rest], giving.phases(of_give)
+    if give_deg:
+        whole = [replace(p, motion=giving.Giving(p.motion.spline, np.radians(give_deg), phase)) for p in whole]
+    return performed(whole, hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link)
 
 
 def judged(made: Simulated) -> Array:

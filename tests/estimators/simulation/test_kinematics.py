@@ -9,7 +9,7 @@ from estimators import forward_kinematics, joint_angles
 from estimators import quaternions as quat
 from estimators.hand_anatomy import IS_DOF, SEGMENT
 from estimators.hand_geometry import sized
-from estimators.simulation import kinematics
+from estimators.simulation import giving, kinematics
 from estimators.simulation.kinematics import Kinematics
 from estimators.simulation.motion import SIZE, Motion, after, shifted, through
 
@@ -28,8 +28,11 @@ def _random_motion(rng: np.random.Generator) -> Motion:
 
 @pytest.fixture(params=["left", "right"])
 def moving(request: pytest.FixtureRequest, rng: np.random.Generator) -> tuple[Any, Kinematics]:
-    geometry = sized(request.param)
-    return geometry, kinematics.of_motion(_random_motion(rng), geometry, np.arange(0.3, 0.6, DT))
+    """A right hand whose joints give, a left one of exact hinges."""
+    geometry, motion = sized(request.param), _random_motion(rng)
+    if geometry.hand == "right":
+        motion = giving.Giving(motion.spline, np.radians(3.0), giving.phases(rng))
+    return geometry, kinematics.of_motion(motion, geometry, np.arange(0.3, 0.6, DT))
 
 
 def test_angular_velocity_is_the_derivative_of_orientation(moving: tuple[Any, Kinematics]) -> None:
