@@ -83,7 +83,7 @@ class UpdateParams:
     dimension_noise: float = option(
         2.0,
         "deg",
-        "turn of a true joint about an axis that is no freedom, or beyond its range, and of its sensors beyond seat and skin",
+        "turn of a true joint about an axis that is no freedom, or beyond its range, and of its sensors beyond seat and skin; more where a recording shows more",
         "ours; 1e-5 deg in Kortier's Table 2.1, which knows no soft tissue",
         least=1e-5,
     )
@@ -204,7 +204,18 @@ def settled_row(up: Array, turned: Array, acc: Array, told: Array, span: float, 
 
 @inlined
 def joints_row(
-    p: Array, q: Array, A: Array, P: Array, free: Array, limits: Array, known: Array, span: float, missed: Array, H: Array, noise: Array
+    p: Array,
+    q: Array,
+    A: Array,
+    P: Array,
+    give: Array,
+    free: Array,
+    limits: Array,
+    known: Array,
+    span: float,
+    missed: Array,
+    H: Array,
+    noise: Array,
 ) -> None:
     """Rows 9..17, three a joint: angles that are no freedom are zero, the others within their range; softly. (2.29)-(2.32)
 
@@ -221,7 +232,7 @@ def joints_row(
         unsure = max(P[3 * j, 3 * j], P[3 * j + 1, 3 * j + 1], P[3 * j + 2, 3 * j + 2])
         for a in range(3):
             row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
-            variance = p[DIMENSION_NOISE] ** 2 + 0.5 * unsure * unsure
+            variance = (give[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2) + 0.5 * unsure * unsure
             if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
                 missed[row] = outside
                 for k in range(SIZE):

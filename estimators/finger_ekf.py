@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_magnetometers, ekf_rests, ekf_seats, ekf_updates, ekf_verticals, ekf_windows
+from estimators import ekf_hinges, ekf_magnetometers, ekf_rests, ekf_seats, ekf_updates, ekf_verticals, ekf_windows
 from estimators import quaternions as quat
 from estimators.compiled import inlined, rowwise
 from estimators.ekf_magnetometers import MagnetometerParams
@@ -32,7 +32,7 @@ from estimators.small_matrices import put, spread
 Bools = NDArray[np.bool_]
 UPDATED = (  # fields of a state that an update changes, in the order of its kernel
     *("q_pc", "bias", "seat", "skin", "apart", "P", "up", "rest", "crept"),
-    *("rested", "creep", "lively", "began", "lies"),
+    *("rested", "creep", "lively", "began", "lies", "give"),
 )
 MUCH = math.radians(0.5) ** 2  # rad^2 that a sensor may have missed since the update
 
@@ -109,6 +109,7 @@ class State:
     lively: Array  # (F, 4) (rad/s)^2, rates squared over the time that errors of the vertical last
     began: Array  # (F, 4, 3) the vertical at first, zero where not known
     lies: Array  # (F, 4, 3) the vertical over the time that its errors last
+    give: Array  # (F, 3, 2) what the joints have seemed to give, rad^2, weighted, and the sum of the weights
 
 
 @dataclass(frozen=True)
@@ -148,6 +149,7 @@ def start(bias_sd: Array, seats: Seats, free: Bools = IS_FREE, limits: Array = L
         np.zeros((chains, 4)),
         nothing,
         nothing,
+        np.zeros((chains, 3, 2)),
     )
 
 
@@ -248,28 +250,29 @@ def _headed(
 
 
 @rowwise(
-    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(d)"
-    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(j,q),(d,d)"
+    "(p),(),(s,q),(s,v,v),(s),(s),(s,v),(m,v),(j),(j,v),(j,v,w),(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(j,o),(d)"
+    "->(j,q),(s,v),(s,q),(j,v),(o),(e,e),(s,v),(s),(s,v),(s,v),(o),(s),(s,v),(s,v),(j,o),(j,q),(d,d)"
 )
 def _updated(
     p: Array, span: float, turned: Array, by_bias: Array, bias_time: Array, doubt: Array, acc: Array, mag: Array,
     known: Array, free: Array, limits: Array,
     q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, P: Array, up: Array, rest: Array, crept: Array,
-    rested: Array, creep: Array, lively: Array, began: Array, lain: Array, row: Array,
+    rested: Array, creep: Array, lively: Array, began: Array, lain: Array, given: Array, row: Array,
     q_pc_new: Array, bias_new: Array, seat_new: Array, skin_new: Array, apart_new: Array, P_new: Array, up_new: Array, rest_new: Array,
-    crept_new: Array, rested_new: Array, creep_new: Array, lively_new: Array, began_new: Array, lies_new: Array, q_true: Array, of_joints: Array,
+    crept_new: Array, rested_new: Array, creep_new: Array, lively_new: Array, began_new: Array, lies_new: Array, give_new: Array, q_true: Array, of_joints: Array,
 ) -> None:  # fmt: skip
     """A window's end: the vertical as neighbours see it and what joints cannot do, then the biases of sensors at rest."""
     q, C, T, left = np.empty((3, 4)), np.empty(P.shape), turned.copy(), np.empty(1)
     b, m, k, o, resting, creeping = bias.copy(), seat.copy(), skin.copy(), apart.copy(), rest.copy(), crept.copy()
-    shown, differed, fast, first, lies = rested.copy(), creep.copy(), lively.copy(), began.copy(), lain.copy()
+    shown, differed, fast, first, lies, give = rested.copy(), creep.copy(), lively.copy(), began.copy(), lain.copy(), given.copy()
     ekf_windows.alike_row(p, T, left)
     o[0] *= left[0]
     ekf_windows.window_row(p, span, T, by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
     vertical, q_joint, A = up.copy(), np.empty((3, 4)), np.zeros((9, SIZE))
     ekf_seats.seated_row(q, m, k, q_joint, A)
     if span > 0:
-        seen, told, rates, usable, change, wrong = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE), np.empty(4)
+        seen, told, rates, usable, change = np.zeros((4, 3)), np.empty(4), np.empty(4), np.empty(3), np.empty(SIZE)
+        wrong, gives = np.empty(4), np.empty(3)
         for s in range(4):
             told[s] = 1.0 if math.isfinite(acc[s, 0]) and math.isfinite(acc[s, 1]) and math.isfinite(acc[s, 2]) else 0.0
             rates[s] = 2 * math.atan2(math.sqrt(T[s, 1] ** 2 + T[s, 2] ** 2 + T[s, 3] ** 2), abs(T[s, 0])) / span
@@ -282,7 +285,9 @@ def _updated(
         ekf_verticals.seen_row(p, span, seen, told, rates, fast, first, lies)
         ekf_verticals.variances_row(p, fast, wrong)
         ekf_updates.vectors_row(p, q, seen, vertical, wrong, rates, usable, span, missed, H, noise)
-        ekf_updates.joints_row(p, q_joint, A, C, free, limits, known, span, missed, H, noise)
+        ekf_hinges.believed_row(p, give, gives)
+        ekf_updates.joints_row(p, q_joint, A, C, gives, free, limits, known, span, missed, H, noise)
+        ekf_hinges.learnt_row(p, q_pc, q, C, free, gives, span, missed, H, noise, give)
         correct(C, missed, H, noise, change)
         put_right(q, b, m, k, o, change)
         _headed(p, mag, vertical, rates, known, told, q, b, m, k, o, C)
@@ -305,6 +310,7 @@ def _updated(
     creep_new[0], creep_new[1] = differed[0], differed[1]
     put(first, began_new)
     put(lies, lies_new)
+    put(give, give_new)
     for s in range(4):
         rest_new[s], lively_new[s] = resting[s], fast[s]
 

@@ -1,9 +1,9 @@
-"""Sizes of errors that the filter learns of a recording, and those that it derives: noise, creeping, verticals, accelerometers' biases."""
+"""Sizes of errors that the filter learns of a recording, and those that it derives: noise, creeping, give of joints, verticals, accelerometers' biases."""
 
 import numpy as np
 import pytest
 
-from estimators import ekf_rests, ekf_updates, ekf_verticals, initial_pose
+from estimators import ekf_hinges, ekf_rests, ekf_updates, ekf_verticals, initial_pose
 from estimators import quaternions as quat
 from estimators.ekf_updates import UpdateParams
 from estimators.quaternions import Array
@@ -52,6 +52,38 @@ def test_creeping_that_goes_on_alike_is_not_taken_for_a_bias() -> None:
     sd = np.sqrt(_rests(rates).diagonal()).reshape(4, 3)
     assert sd[3, 2] > 0.19 * DEG
     assert sd[:3].max() < 0.05 * DEG
+
+
+def _learnt(seemed: Array, known: float, turned: float) -> Array:
+    """How much each joint is believed to give (3,), deg, after windows of 0.2 s in which axes of hinges seemed off by (windows, 3 joints, 2) deg, where the
+    filter knows them to `known` deg and they turn by `turned` rad in each."""
+    give, variance, free = np.zeros((3, 2)), np.empty(3), np.tile([1.0, 0.0, 0.0], (3, 1))
+    P, H, missed = (known * DEG) ** 2 * np.eye(43), np.zeros((18, 43)), np.zeros(18)
+    rows = 9 + 3 * np.arange(3)[:, None] + [1, 2]
+    H[rows.ravel(), range(6)] = 1.0
+    before, after = np.tile(quat.IDENTITY, (3, 1)), quat.about(2, np.full(3, turned))
+    for one in seemed:
+        ekf_hinges.believed_row(NUMBERS, give, variance)
+        missed[rows], noise = one * DEG, np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3))
+        ekf_hinges.learnt_row(NUMBERS, before, after, P, free, variance, 0.2, missed, H, noise, give)
+    ekf_hinges.believed_row(NUMBERS, give, variance)
+    return np.sqrt(variance) / DEG
+
+
+@pytest.mark.parametrize(("gives", "believed"), [(0.6, 2.0), (6.0, 6.0)])
+def test_that_a_joint_gives_more_than_is_believed_is_learnt_while_it_moves(gives: float, believed: float, rng: np.random.Generator) -> None:
+    """Beside errors of the filter's own as large as it says."""
+    seemed = np.hypot(gives, 0.5) * rng.normal(size=(2000, 3, 2))
+    np.testing.assert_allclose(_learnt(seemed, 0.5, 0.3), believed, rtol=0.2)
+
+
+def test_a_joint_that_lies_as_it_lay_tells_nothing_of_how_it_gives(rng: np.random.Generator) -> None:
+    np.testing.assert_allclose(_learnt(6.0 * rng.normal(size=(2000, 3, 2)), 0.5, 0.0), 2.0, rtol=1e-6)
+
+
+def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(rng: np.random.Generator) -> None:
+    """Hinges that give nothing, seats known to 5 deg."""
+    assert _learnt(5.0 * rng.normal(size=(2000, 3, 2)), 5.0, 0.3).max() < 2.5
 
 
 def test_a_vertical_is_the_less_sure_the_faster_the_sensor_has_turned() -> None:

@@ -109,7 +109,7 @@ def _told(seated: _Seated) -> _Rows:
     """What index fingers cannot do, three rows a joint."""
     rows = _Rows(np.zeros((len(seated.q), 18)), np.zeros((len(seated.q), 18, ekf_seats.SIZE)), np.zeros((len(seated.q), 18, 18)))
     for each in zip(seated.q, seated.A, rows.missed, rows.H, rows.noise):
-        given = np.eye(ekf_seats.SIZE), FREE_INDEX.astype(float), LIMITS_INDEX, np.ones(3), 0.2
+        given = np.eye(ekf_seats.SIZE), np.full(3, (2 * DEG) ** 2), FREE_INDEX.astype(float), LIMITS_INDEX, np.ones(3), 0.2
         ekf_updates.joints_row(ekf_updates.numbers(FilterParams()), *each[:2], *given, *each[2:])
     return _Rows(rows.missed[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
 
@@ -321,7 +321,7 @@ def test_noise_of_the_gyroscopes_alone_makes_angles_walk_as_said() -> None:
 
 def test_what_joints_cannot_do_makes_them_better_known_and_the_filter_no_less_careful() -> None:
     """True hinges play less than their noise says, so the filter may only be too careful."""
-    trials = 100
+    trials = 50
     samples, _, q_joint, _ = _finger_trials(np.random.default_rng(8), WHITE, trials, 20.0 + 0.5 / RATE)
     free, errors, sizes = replace(WHITE, dimensions=False), [], []
     for params in (WHITE, free):
