@@ -11,6 +11,7 @@ import numpy as np
 
 from app.language import Language
 from app.report.units import READABLE, unit_words
+from estimators.hand_anatomy import FINGERS
 from estimators.measures.shown import Curve, Shown, thinned
 from estimators.quaternions import Array
 
@@ -26,7 +27,7 @@ PANELS: Mapping[str, tuple[str, ...]] = {  # by name, the curves in it
     "squeeze_distance": ("squeeze_distance",),
     "force_over_distance": ("force_over_distance", "fitted_spring"),
     "stiffness": ("stiffness", "stiffness_low", "stiffness_high"),
-}
+} | {f"torque_{finger}": (f"torque_{finger}", f"torque_{finger}_low", f"torque_{finger}_high") for finger in FINGERS}
 DOTS = "force_over_distance"  # measured points, with a line through them
 
 

@@ -3,7 +3,8 @@
 In      forces (n, S, 3) N that the fingertips exert and velocities (n, S, 3) m/s of the places where they touch, in one frame; with a six-axis sensor torques
         (n, S, 3) Nm about those places and angular rates (n, S, 3) rad/s as well
 Out     power (n,) W into the object, work (n,) J since the first instant
-Source  Kortier, thesis (1.15): P = F'v + M'w, integrated
+Source  Kortier, thesis (1.15): P = F'v + M'w, integrated. Of an object of mass m that is held alone, F = m (g + a): from rest to height h at the speed v the
+        forces do m g h + m v^2 / 2, whichever way it takes; what they do along the horizontal is part of it
 """
 
 import numpy as np

@@ -3,6 +3,7 @@
 In      a block with the torques of one sensor, when the sensor was free, the instants wanted
 Out     torques (n, 3) Nm that the fingertip exerts about the sensor's origin, in the sensor's frame, and their standard deviation (n,)
 Source  Kortier, thesis 6.2 and 6.4: six axes, read and brought to the filter's rate as the forces are; zero.py, interpolation.py
+        What twists: a soft fingertip touches with M = r x F + m n (Bicchi, Salisbury & Brock 1993, Int J Robotics Res 12:249), so that m = M.F / n.F
 Limits  a sensor is free where its forces say so: a torque without a force tells no zero, and is not used
 """
 
@@ -18,6 +19,7 @@ from estimators.samples import TORQUE, Block, beyond
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
 IMPOSSIBLE = 5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
 BRIDGED = 0.25  # s to the nearest sample, beyond which no torque is told, as forces count as missing
+PUSHES = 0.5  # N along the normal, below which nothing is told of what twists: ours
 LEAST = 8  # samples of a sensor that is used
 
 
@@ -43,6 +45,16 @@ def read(block: Block, limited: NDArray[np.bool_], drift: float, t: Array, free:
     then = np.clip(np.searchsorted(block.t, at), 0, len(block.t) - 1)
     lost = told.distance[:, 0] > BRIDGED
     return Torque(np.where(lost[:, None], np.nan, LEVER * told.values[:, 0]), np.hypot(LEVER * told.sd[:, 0], level_sd[then]))
+
+
+def twist(forces: Array, torques: Array, torques_sd: Array, normal: Array) -> tuple[Array, Array]:
+    """Torque m (...) Nm about the normal (..., 3) of the place that is touched, wherever that is, and its standard deviation; NaN of who hardly pushes.
+
+    Forces (..., 3) N, torques and their standard deviations (..., 3) Nm in one frame with the normal, which points out of the pad.
+    """
+    pushes = (forces * normal).sum(axis=-1)
+    pushes = np.where(pushes > PUSHES, pushes, np.nan)
+    return (torques * forces).sum(axis=-1) / pushes, np.sqrt(((torques_sd * forces) ** 2).sum(axis=-1)) / pushes
 
 
 def impossible(block: Block) -> bool:

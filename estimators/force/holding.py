@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.force import contact, exchange
+from estimators.force import contact, exchange, fingertip_torques
 from estimators.force.contact import ContactParams
 from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
@@ -40,6 +40,11 @@ class Holding:
     flags: NDArray[np.uint8]  # (n, S)
     turning: Array | None = None  # (n,) W that the fingertips' torques put into it; None where not all of them are known all the time
     turning_sd: Array | None = None  # (n,) W
+    velocity: Array | None = None  # (n, 3) m/s of the object, in the global frame
+    twist: Array | None = (
+        None  # (n, S) Nm about the normal of each fingertip, as a right-handed screw driven the way its pad faces; NaN where not known
+    )
+    twist_sd: Array | None = None  # (n, S) Nm
 
     @property
     def net(self) -> Array:
@@ -127,6 +132,8 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         *_risen(part.t, part.lifting[:, 2] - GRAVITY),
         part.force_flags[:, rows],
         *_turning(part, fingers),
+        np.stack([_risen(part.t, a)[0] for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T], axis=1),
+        *_twist(part, fingers),
     )
 
 
@@ -139,6 +146,16 @@ def _turning(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Ar
     step = quat.log(quat.multiply(q[2:], quat.conjugate(q[:-2]))) / (part.t[2:] - part.t[:-2])[:, None, None]
     rates = np.concatenate([step[:1], step, step[-1:]])
     return exchange.turning(part.torques[:, rows], rates), np.sqrt(((part.torques_sd[:, rows] * rates) ** 2).sum(axis=(1, 2)))
+
+
+def _twist(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
+    """Torque that twists each fingertip on what it touches (n, S) Nm, and its standard deviation."""
+    rows = [FINGERS.index(f) for f in fingers]
+    if part.forces is None or part.torques is None or part.torques_sd is None or not np.isfinite(part.torques[:, rows]).any():
+        return None, None
+    palmar = np.array([1.0 if part.hand == "right" else -1.0, 0.0, 0.0])  # of every segment: docs/conventions.md
+    normal = quat.rotate(part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]], palmar)
+    return fingertip_torques.twist(part.forces[:, rows], part.torques[:, rows], part.torques_sd[:, rows], normal)
 
 
 def _pads(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Array:

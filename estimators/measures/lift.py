@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.force import holding, identification
+from estimators.force import exchange, holding, identification
 from estimators.force.contact import ContactParams
 from estimators.force.holding import UNSURE, Holding
 from estimators.force.identification import Running
@@ -44,8 +44,8 @@ KINDS = kinds(
     Kind("lift_time_to_release", "s", "mean time from the table until it was let go", PHASES),
     Kind("lift_grip_rate", "N/s", "mean of the fastest rise of the grip force", "ours: of the interpolated force"),
     Kind("lift_height", "m", "mean of how high the object was lifted", "ours: the specific force integrated twice between two rests"),
-    Kind("lift_work", "J", "mean work that the fingertips' forces did on the object on its way up", f"{KORTIER}; power as in (1.15)"),
-    Kind("lift_work_turning", "J", "mean work that the fingertips' torques did on the object on its way up; of force sensors with six axes alone", f"{KORTIER}; power as in (1.15)"),
+    Kind("lift_work", "J", "mean work that the fingertips' forces did on the object from the table to where it was highest, against gravity and inertia in all directions", f"{KORTIER}; power as in (1.15)"),
+    Kind("lift_work_turning", "J", "mean work that the fingertips' torques did on the object on that way; of force sensors with six axes alone", f"{KORTIER}; power as in (1.15)"),
 )  # fmt: skip
 
 
@@ -212,11 +212,10 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
     first, last = t[off][0], t[off][-1]
     rise = np.gradient(h.grip, t)
-    up = off & (h.speed > 0)
-    step = float(np.median(np.diff(t)))
-    work = float((h.load * h.speed)[up].sum() * step)
+    up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))
+    work = lifting_work(h, up)
     turned, turned_sd = (
-        float(v[up].sum() * step) if v is not None else np.nan for v in (h.turning, h.turning_sd)
+        float(exchange.work(t[up], v[up])[-1]) if v is not None else np.nan for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     return {
@@ -235,6 +234,13 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     }
 
 
+def lifting_work(h: Holding, up: NDArray[np.bool_]) -> float:
+    """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
+    if h.velocity is None or not up.any():
+        return float("nan")
+    return float(exchange.work(h.t[up], exchange.power(h.net[up][:, None], h.velocity[up][:, None]))[-1])
+
+
 def shown(r: Lift) -> Shown:
     """Grip and load of the lifts, with when the object left the table, was back, and slipped."""
     if not r.lifts:
@@ -249,7 +255,18 @@ def shown(r: Lift) -> Shown:
         "slip": np.concatenate([o.slips for o in r.lifts]),
     }
     curves = Curve("grip_force", "N", t, grip), Curve("load_force", "N", t, load)
-    return Shown((*curves, *running_curves("mass", "kg", [o.running for o in r.lifts])), marks)
+    return Shown((*curves, *twist_curves([o.held for o in r.lifts]), *running_curves("mass", "kg", [o.running for o in r.lifts])), marks)
+
+
+def twist_curves(each: Sequence[Holding]) -> tuple[Curve, ...]:
+    """Torque about the normal of each fingertip with its standard deviation to either side, one grasp behind the other; of sensors with six axes."""
+    told = [h for h in each if h.twist is not None and h.twist_sd is not None]
+    curves: list[Curve] = []
+    for k, finger in enumerate(told[0].fingers if told else ()):
+        running = [Running(h.t, h.twist[:, k], h.twist_sd[:, k]) for h in told if h.twist is not None and h.twist_sd is not None]
+        if any(np.isfinite(one.value).any() for one in running):
+            curves += running_curves(f"torque_{finger}", "Nm", running)
+    return tuple(curves)
 
 
 def running_curves(name: str, unit: str, each: Sequence[Running | None]) -> tuple[Curve, ...]:

@@ -22,7 +22,7 @@ from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
 from estimators.measures.held import within
-from estimators.measures.lift import KORTIER, NONE, running_curves
+from estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
 from estimators.measures.shown import Curve, Shown
 from estimators.measures.signals import even
 from estimators.options import option
@@ -266,7 +266,7 @@ def shown(r: Squeeze) -> Shown:
         return Shown()
     one = max(r.grasps, key=lambda g: len(g.t))
     curves = [Curve("squeeze_force", "N", one.t, one.force), Curve("squeeze_distance", "m", one.t, one.distance)]
-    curves += [*_over_distance(one), *running_curves("stiffness", "N/m", [one.running])]
+    curves += [*_over_distance(one), *twist_curves([one.held]), *running_curves("stiffness", "N/m", [one.running])]
     if one.conditions is not None:
         answer = frequency_response.response(one.t, one.force, one.distance)
         seen = answer.excited

@@ -215,7 +215,7 @@ def test_long_notes_go_on_and_nothing_is_lost() -> None:
     assert pages(made) == 3
     text = printed(made)
     assert all(f"line {k} " in text for k in range(40))
-    last = PdfReader(io.BytesIO(made)).pages[-1].extract_text()
+    last = PdfReader(BytesIO(made)).pages[-1].extract_text()
     assert "Signature" in last
     assert "Checksums" in last  # it never stands on a page of its own
 

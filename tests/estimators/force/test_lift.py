@@ -9,6 +9,8 @@ import pytest
 
 from estimators.force import fingertip_forces
 from estimators.force.fingertip_forces import ForceParams
+from estimators.force.holding import Holding
+from estimators.gravity import GRAVITY
 from estimators.measures import in_hand, lift
 from estimators.measures.lift import Lift
 from estimators.processing import Processed
@@ -94,6 +96,11 @@ def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> Non
     assert np.linalg.norm(M, axis=2).max(axis=0) == pytest.approx(true, rel=0.15)
     assert (lever.std(axis=0) < 0.5e-3).all()
     assert np.isnan(moved.torques[:, 2:]).all()
+    assert one.held.twist is not None and one.held.twist_sd is not None
+    assert 0.1 < np.mean((one.held.twist / one.held.twist_sd)[one.off] ** 2) < 2.0  # nothing twists
+    drawn = {c.name: c for c in lift.shown(measured(made, moved)).curves}
+    np.testing.assert_array_equal(drawn["torque_index"].y[:-1], one.held.twist[:, 1])
+    assert np.nanmin(drawn["torque_thumb_high"].y - drawn["torque_thumb_low"].y) > 0
     f = {x.what: x for x in lift.figures(measured(made, moved))}
     assert abs(f["lift_work_turning"].value) < 0.02 * f["lift_work"].value
 
@@ -153,7 +160,21 @@ def test_figures_tell_the_phases_and_shares() -> None:
     assert f["lift_time_to_lift"].value == pytest.approx(0.8, abs=0.15)
     assert f["lift_time_held"].value == pytest.approx(5.0, abs=0.25)
     assert f["thumb_force_share"].value + f["index_force_share"].value == pytest.approx(1.0)
-    assert f["lift_work"].value == pytest.approx(0.44 * 9.81 * f["lift_height"].value, rel=0.15)
+    assert f["lift_work"].value == pytest.approx(0.44 * 9.81 * f["lift_height"].value, rel=0.08)
+
+
+def test_work_is_done_against_gravity_and_inertia_in_all_directions() -> None:
+    """0.5 kg carried up by 0.4 m and thrown aside: m g h + m v^2 / 2, whichever finger pushes how."""
+    t = np.linspace(0.0, 1.0, 201)
+    place = np.stack([0.3 * t**3, -0.1 * t**2, 0.4 * t**2 * (3 - 2 * t)], axis=1)
+    velocity = np.stack([0.9 * t**2, -0.2 * t, 2.4 * t * (1 - t)], axis=1)
+    lifting = np.stack([1.8 * t, np.full(len(t), -0.2), 2.4 - 4.8 * t + GRAVITY], axis=1)
+    push = np.stack([np.sin(5 * t), 6 + t, np.cos(3 * t)], axis=1)
+    forces = np.stack([0.3 * 0.5 * lifting + push, 0.7 * 0.5 * lifting - push], axis=1)
+    flags = np.zeros((len(t), 2), np.uint8)
+    h = Holding(t, ("thumb", "index"), forces, 0 * forces, lifting, 0 * place, 0 * t, velocity[:, 2], place[:, 2], flags, velocity=velocity)
+    expected = 0.5 * GRAVITY * 0.4 + 0.5 * 0.5 * (0.9**2 + 0.2**2)
+    assert lift.lifting_work(h, np.ones(len(t), bool)) == pytest.approx(expected, rel=1e-4)
 
 
 def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> None:

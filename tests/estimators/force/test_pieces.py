@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from estimators import quaternions as quat
-from estimators.force import balance, contact, identification, interpolation, tip_orientation, zero
+from estimators.force import balance, contact, fingertip_torques, identification, interpolation, tip_orientation, zero
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.quaternions import Array
 
@@ -112,6 +112,22 @@ def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(headin
     assert np.median(found.unbalanced) < 1.0
     tips.acc[150] = np.nan  # an instant at which no inertial sensor answered
     assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[0].tolist() == [150]
+
+
+def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
+    """M = r x F + m n with a force that leans by up to 40 deg; of who pushes with less than half a newton nothing."""
+    rng = np.random.default_rng(0)
+    n = rng.normal(size=(40, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    aside = np.cross(n, rng.normal(size=(40, 3)))
+    size = np.linspace(0.1, 6.0, 40)[:, None]
+    F, m = size * (n + 0.8 * aside / np.linalg.norm(aside, axis=1, keepdims=True) * rng.random((40, 1))), rng.normal(0.0, 5e-3, 40)
+    M = np.cross(3e-3 * rng.normal(size=(40, 3)), F) + m[:, None] * n
+    found, sd = fingertip_torques.twist(F, M, np.full((40, 3), 2e-4), n)
+    told = size[:, 0] > 0.5
+    np.testing.assert_allclose(found[told], m[told], atol=1e-12)
+    assert np.isnan(found[~told]).all()
+    assert (sd[told] >= 2e-4 - 1e-12).all()
 
 
 def test_a_force_that_nobody_measures_does_not_balance() -> None:
