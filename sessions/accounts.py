@@ -87,7 +87,11 @@ def of_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Ac
     if found.disabled:
         raise InputError(f"the account {found.name} is out of use")
     found.roles = _roles(roles)
-    db.commit()
+    try:
+        db.commit()
+    except IntegrityError:  # the same person's first login in two windows at once, or somebody of the same name
+        db.rollback()
+        return of_subject(db, subject, name, roles)
     return found
 
 

@@ -117,3 +117,19 @@ def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(store: Store, tm
         accounts.change(db, ben, disabled=False)
         for name in ("../anna", "gone", "anna\n"):
             assert logins.redeem(db, store, logins.new_token(store.folder, name)) is None
+
+
+def test_a_person_whose_first_login_comes_twice_at_once_has_one_account(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = accounts._name
+
+    def meanwhile(word: str) -> str:
+        monkeypatch.setattr(accounts, "_name", name)
+        with store.database() as other:
+            accounts.of_subject(other, "issuer 1", "carla", ["clinician"])
+        return name(word)
+
+    monkeypatch.setattr(accounts, "_name", meanwhile)
+    with store.database() as db:
+        second = accounts.of_subject(db, "issuer 1", "carla", ["scientist"])
+        assert second.roles == ["scientist"]
+        assert [a.name for a in accounts.everyone(db) if a.subject] == ["carla"]
