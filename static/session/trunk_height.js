@@ -7,10 +7,11 @@ import { t } from "../words/words.js";
 
 export const worn = ({ recordings }) => recordings.some(({ summary }) => summary.streams?.some(({ sensors }) => sensors.includes("trunk")));
 
-export function mount(root, api, { record, result, reload }) {
+export function mount(root, api, { record, draft, result, reload }) {
   const box = errorBox();
   const said = h("p", {});
-  const input = h("input", { inputmode: "decimal", autocomplete: "off", name: "trunk_height", required: true });
+  const typed = () => (draft.trunk = input.value); // stays when the page draws itself anew
+  const input = h("input", { inputmode: "decimal", autocomplete: "off", name: "trunk_height", required: true, oninput: typed });
   const form = h(
     "form",
     { novalidate: true },
@@ -19,12 +20,18 @@ export function mount(root, api, { record, result, reload }) {
     h("div", { class: "buttons" }, h("button", { class: "primary", type: "submit" }, t("trunk.send"))),
   );
   const back = h("button", { type: "button" }, t("trunk.back"));
-  const details = h("details", {}, h("summary", {}, t("trunk.correct")), form, back);
+  const details = h("details", { open: draft.trunk !== undefined }, h("summary", {}, t("trunk.correct")), form, back);
   root.append(h("h2", {}, t("fact.trunk_height")), said, details, box.element);
   const recorded = result?.content?.events?.find((event) => event.trunk_height)?.trunk_height;
 
   async function send(trunk_height) {
-    if (await sendChange(record, { trunk_height }, box, show)) reload();
+    const stored = (now) => {
+      delete draft.trunk;
+      show(now);
+    };
+    if (!(await sendChange(record, { trunk_height }, box, stored))) return;
+    stored(record.now);
+    reload();
   }
 
   back.onclick = () => once(back, box, () => send(null));
@@ -38,7 +45,7 @@ export function mount(root, api, { record, result, reload }) {
     root.hidden = state === "open";
     const height = told ?? (recorded ? Number(recorded) : null);
     said.textContent = t(height === null ? "trunk.unknown" : corrected ? "trunk.corrected" : "trunk.measured", { mm: millimetres(height) });
-    input.value = millimetres(height);
+    input.value = draft.trunk ?? millimetres(height);
     back.hidden = !corrected;
   }
 
