@@ -115,7 +115,8 @@ def _answer(read: Read, looked: Looked, located: Located, noise: float) -> list[
     """In words: how often a place was found and how well."""
     found = located.found
     said = [
-        f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * noise:.2g} uT an axis"
+        f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * noise:.2g} uT an axis",
+        *_strange(located),
     ]
     if not found.any():
         return [*said, f"no magnet is found: {_why(located, noise)}"]
@@ -124,6 +125,18 @@ def _answer(read: Read, looked: Looked, located: Located, noise: float) -> list[
         *said,
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
         *([f"not found in the others: {_why(located, noise)}"] if not found.all() else []),
+    ]
+
+
+def _strange(located: Located) -> list[str]:
+    """A sentence where what is left without the magnet is no earth's field: places do not tell a wrong unit, moments are as wrong."""
+    strength = np.linalg.norm(located.field, axis=1)
+    strength = strength[np.isfinite(strength)]
+    if not len(strength) or magnet_setup.EARTH_WEAKEST <= np.median(strength) <= magnet_setup.EARTH_STRONGEST:
+        return []
+    return [
+        f"warning: without the magnet {1e6 * np.median(strength):.3g} uT are left (median), the earth's field is 22 to 67 uT: "
+        "is the unit that of the table? moments are as wrong as it is; or iron is on the board or near"
     ]
 
 

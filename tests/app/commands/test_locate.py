@@ -94,6 +94,15 @@ def test_without_calibration_it_is_said(bench: tuple[Path, Path, Array, Array], 
     assert "not calibrated" in capsys.readouterr().out
 
 
+def test_a_wrong_unit_is_suspected(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
+    """Gauss told as mT: ten times as much, the place the same, the moment ten times too large."""
+    folder, board, B, _ = bench
+    _table(folder / "magnet.csv", B[:20], np.random.default_rng(2))
+    board.write_text(board.read_text().replace('"G", "moment": 0.32', '"mT"'))
+    assert np.median(_located(folder, board)["moment_x"]) > 3.0
+    assert "is the unit that of the table?" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "header", "row"),
     [
