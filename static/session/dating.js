@@ -1,5 +1,5 @@
-/** The session's date where the computer's clock was wrong: corrected with a reason; what the clock said stays and can be put back. The fields
- * themselves outlive the page that is drawn anew: of a date that is typed half there is no value to fill in again.
+/** The session's date where the computer's clock was wrong: corrected with a reason; what the clock said stays and can be put back.
+ * The fields themselves outlive the page that is drawn anew: of a date that is typed half there is no value to fill in again.
  */
 import { h, whenChanged } from "../dom.js";
 import { errorBox, field, onSubmit, once } from "../forms.js";
