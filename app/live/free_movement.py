@@ -1,6 +1,6 @@
 """The rung "free movement" of a live session: what can be observed already while the hand moves, then solving beside the session, then what was found.
 
-watched      once a second, in a thread of its own (free_meter.py); the wizard lets a person say "enough" when the meter does
+watched      once a second, in a thread of its own (free_meter.py); a person may say "enough" before the meter does, and is warned
 solved       in a process of its own (solving.py); the wizard waits in FREE_WORK and may leave it
 used         lengths and seats serve every pose from now on, and are kept with the patient: accepting is the decision
 """
@@ -104,6 +104,7 @@ class FreeMovement:
                 }
                 for o in (self.meter.observed if self.meter else ())
             ],
+            "enough": self.enough,
             "share": None if self.solving is None else round(self.solving.share, 2),
             "found": None if self.found is None else {"table": self.found.table, "told": list(self.found.told)},
         }

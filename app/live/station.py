@@ -235,7 +235,7 @@ class Station:
         felt = {p for s in self.glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT}
         kept = self.glove.state.state != "recording_failed"
         rate, measured = fresh[worst].rate if worst else 0.0, frozenset(fresh) | felt
-        return Facts(time.monotonic(), newest, flowing, rate, worst, measured, bends(fresh), kept, self.free.enough)
+        return Facts(time.monotonic(), newest, flowing, rate, worst, measured, bends(fresh), kept)
 
     def _contradiction(self) -> str:
         identity = self.glove.assembler.identity

@@ -25,7 +25,6 @@ class Facts:
     measured: frozenset[str]  # segments with samples
     bends: str = ""  # the finger that moves while the others hardly do
     kept: bool = True  # the recording takes what is measured; with a full disk it does not, and nothing but finishing makes sense
-    moved_enough: bool = False  # free movement tells all that self-calibration looks for
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,6 @@ class Wizard:
             Act.NEXT: self.state is not State.CHECK and self.next_step(facts) is None,
             Act.USE: self.state is not State.FREE_REVIEW and not self._usable(),
             Act.FREE: self.free is None or not self._free_fingers(facts),
-            Act.ENOUGH: not facts.moved_enough,
         }
         return [a for a in acts if not barred.get(a, False)]
 

@@ -2,6 +2,7 @@
 import { h, whenChanged } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import * as confirming from "./confirming.js";
+import { notEnough } from "./free_movement.js";
 import { known, t } from "../words/words.js";
 
 const PRIMARY = {
@@ -13,12 +14,11 @@ const PRIMARY = {
   task_review: "accept",
   step_ready: "start",
   free_ready: "start",
-  free_run: "enough",
   free_review: "use",
   tasks: "choose",
 };
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
-const ASKED = ["skip", "unable", "without", "finish"]; // actions that ask something back first
+const ASKED = ["skip", "unable", "without", "finish", "enough"]; // actions that may ask something back first
 
 const SCORED = ["accept", "again"]; // the clinician's own score goes with these
 
@@ -30,7 +30,7 @@ export function mount(root, api, { station, given }) {
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
-    ({ wizard, glove }) => [
+    ({ wizard, glove, self_calibration }) => [
       wizard.state,
       wizard.actions,
       next(wizard),
@@ -40,6 +40,7 @@ export function mount(root, api, { station, given }) {
       spoilt(wizard),
       wizard.proposal,
       wizard.passive,
+      self_calibration?.enough,
     ],
     buttons,
   );
@@ -50,10 +51,10 @@ export function mount(root, api, { station, given }) {
     const held = actions.contains(document.activeElement) || (owed && document.activeElement === document.body);
     closeQuestion();
     box.clear();
-    const primary = leading(wizard);
+    const primary = leading(station.latest);
     const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => (b === primary) - (a === primary));
     const drawn = shown.map((act) =>
-      button(act, label(wizard, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
+      button(act, label(station.latest, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
     );
     if (state === "tasks" && allowed.includes("choose") && next(wizard))
       drawn.unshift(
@@ -74,10 +75,12 @@ export function mount(root, api, { station, given }) {
 
   /** Do it, after asking back where that is due. */
   async function wish(act) {
-    const { wizard } = station.latest;
-    if (!ASKED.includes(act) || (act === "finish" && !open(wizard).length)) return station.act(act, scored(wizard, act));
+    const { wizard, self_calibration: moved } = station.latest;
+    const plain = { finish: !open(wizard).length, enough: moved?.enough }; // nothing is left to ask
+    if (!ASKED.includes(act) || plain[act]) return station.act(act, scored(wizard, act));
     const asked = h("div", {});
-    const leave = confirming.mount(asked, api, { act, left: open(wizard), send: (reason) => station.act(act, { reason }), cancel });
+    const about = { act, left: open(wizard), lacking: notEnough(moved?.meter ?? []), cancel };
+    const leave = confirming.mount(asked, api, { ...about, send: (reason) => station.act(act, { reason }) });
     actions.replaceChildren(asked);
     asked.querySelector("input, button").focus();
     asked.scrollIntoView({ block: "nearest" }); // all of it: on a tablet the way back would lie below the edge
@@ -105,11 +108,12 @@ export function mount(root, api, { station, given }) {
 }
 
 /** The action that leads on. */
-function leading(wizard) {
+function leading({ wizard, self_calibration }) {
   const can = (act) => wizard.actions.includes(act);
   if (wizard.proposal) return wizard.proposal;
   if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
   if (can("again")) return "again";
+  if (wizard.state === "free_run") return self_calibration?.enough ? "enough" : null;
   if (wizard.state === "task_paused") return can("resume") ? "resume" : "start";
   if (wizard.state !== "step_review") return PRIMARY[wizard.state];
   return spoilt(wizard) ? "redo" : can("next") ? "next" : "use";
@@ -117,8 +121,9 @@ function leading(wizard) {
 
 const spoilt = ({ task, calibration_steps }) => calibration_steps.find((step) => step.name === task)?.outcome === "spoilt";
 
-function label(wizard, act) {
+function label({ wizard, self_calibration }, act) {
   const { state, remaining, actions } = wizard;
+  if (act === "enough" && !self_calibration?.enough) return t("act.free_run.enough.early");
   if (state === "check") return t(`act.check.${act}`);
   if (act === "next" && (state === "step_ready" || spoilt(wizard))) return t("act.next_step.skip");
   if (act === "next") return t("act.next_step");

@@ -1,4 +1,4 @@
-/** A question before an action: the reason to skip a task, why the patient could not do it, or whether to finish with tasks left. */
+/** A question before an action: a reason to skip a task, why the patient could not do it, whether to finish or stop moving early. */
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
 import { t } from "../words/words.js";
@@ -9,7 +9,7 @@ const REASONS = {
   unable: ["pain", "weakness", "stiffness", "coordination", "fatigue", "not_understood"],
 };
 
-export function mount(root, api, { act, left, send, cancel }) {
+export function mount(root, api, { act, left, lacking, send, cancel }) {
   const box = errorBox();
   const buttons = (word) =>
     h(
@@ -36,6 +36,12 @@ export function mount(root, api, { act, left, send, cancel }) {
     });
   } else if (act === "without") {
     form.append(h("p", {}, h("strong", {}, t("without.sure"))), h("p", {}, t("without.text")), box.element, buttons(t("without.send")));
+    onSubmit(form, box, () => send(""));
+  } else if (act === "enough") {
+    const missing = lacking.length ? t("free.more", { joints: named(lacking) }) : t("free.begins");
+    form.append(h("p", {}, h("strong", {}, t("enough.sure"))), h("p", {}, missing), h("p", {}, t("enough.text")), box.element);
+    const stay = h("button", { class: "primary large", type: "button", onclick: cancel }, t("enough.back"));
+    form.append(h("div", { class: "buttons-tall" }, stay, h("button", { class: "large", type: "submit" }, t("enough.send"))));
     onSubmit(form, box, () => send(""));
   } else {
     form.append(

@@ -18,7 +18,7 @@ export function mount(root, api, { station }) {
   const body = h("tbody", {});
   const columns = ["angles.finger", "angles.base", "angles.middle", "angles.end"].map((word) => h("th", { scope: "col" }, t(word)));
   const head = h("thead", {}, h("tr", {}, columns));
-  const lacking = h("p", { class: "small", "aria-live": "polite" });
+  const lacking = h("p", { "aria-live": "polite" });
   const meter = h("div", {}, h("h3", {}, t("free.meter")), h("table", { class: "compact" }, head, body), lacking);
   const bar = progressBar(t("free.computing"));
   const found = h("div", {});
@@ -36,8 +36,8 @@ export function mount(root, api, { station }) {
       const seen = Object.fromEntries(joints.map((joint) => [joint.joint, joint]));
       const rows = ROWS.filter(([, names]) => names.some((name) => seen[name]));
       body.replaceChildren(...rows.map(([finger, names]) => row(finger, names, seen)));
-      const few = joints.filter((joint) => joint.share < ENOUGH).sort((a, b) => a.share - b.share);
-      const named = few.slice(0, NAMED).map((joint) => nameOf(joint.joint)).join(", ");
+      const few = notEnough(joints);
+      const named = few.slice(0, NAMED).join(", ");
       const told = few.length ? t(few.length > NAMED ? "free.more.all" : "free.more", { joints: named }) : t("free.enough");
       if (state !== "free_work") lacking.textContent = joints.length ? told : t("free.begins");
     },
@@ -48,6 +48,12 @@ export function mount(root, api, { station }) {
   );
   const leave = [draw, drawMeter, drawFound].map((each) => station.on("full", each));
   return () => leave.forEach((stop) => stop());
+}
+
+/** Joints that were not moved enough, the one that lacks most first, in clinical words. */
+export function notEnough(joints) {
+  const few = joints.filter((joint) => joint.share < ENOUGH).sort((a, b) => a.share - b.share);
+  return few.map((joint) => nameOf(joint.joint));
 }
 
 function row(finger, names, seen) {

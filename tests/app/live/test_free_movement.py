@@ -68,13 +68,13 @@ def test_a_movement_that_told_nothing_goes_back_with_the_reason() -> None:
     assert (w.state, told_of(w, facts)["message"]) == (State.FREE_READY, "the fingers hardly moved")
 
 
-def test_it_is_enough_when_the_meter_says_so_and_not_before() -> None:
+def test_it_is_enough_when_a_person_says_so() -> None:
     w, _ = wizard.act(ready(), Act.START, READY)
     facts = later(READY, FREE.countdown)
     w, _ = wizard.tick(w, facts)
     with pytest.raises(NotNowError):
-        wizard.act(w, Act.ENOUGH, later(facts, 30.0))
-    w, orders = wizard.act(w, Act.ENOUGH, replace(later(facts, 13.0), moved_enough=True))
+        wizard.act(ready(), Act.ENOUGH, READY)
+    w, orders = wizard.act(w, Act.ENOUGH, later(facts, 13.0))
     assert w.state is State.FREE_WORK
     assert orders[1].end - orders[1].onset == pytest.approx(13.0)
 
