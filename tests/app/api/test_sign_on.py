@@ -127,7 +127,7 @@ def test_who_the_organisation_vouches_for_is_in_with_the_roles_of_today(server: 
         {"state": "\u00e4"},
         {"answer": {"error": "access_denied"}},
         {"answer": {"iss": "http://127.0.0.1:1"}},
-        {"key": OTHER_KEY},
+        pytest.param({"key": OTHER_KEY}, id="another key"),
         {"aud": "others"},
         {"aud": ["us", "others"]},
         {"azp": "others"},
