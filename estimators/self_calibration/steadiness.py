@@ -33,10 +33,10 @@ class Slip:
 
 def slips(found: Solution, read: Readings) -> list[Slip]:
     """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
-    middle = len(found.problem) // 2
-    ask = _half if found.outcome == "converged" else _afresh
-    halves = [ask(found, read, first, stop) for first, stop in ((0, middle), (middle, len(found.problem)))]
-    if ask is _afresh and any(half.outcome != "converged" for half in halves):
+    n, whole = len(found.problem), found.outcome == "converged"
+    spans = ((0, n // 2), (n // 2, n))
+    halves = [_half(found, *span) if whole else _afresh(found.problem, read, *span) for span in spans]
+    if not whole and any(half.outcome != "converged" for half in halves):
         return []
     told = []
     for s, name in enumerate(found.problem.chain.sensors):
@@ -47,16 +47,16 @@ def slips(found: Solution, read: Readings) -> list[Slip]:
     return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
 
 
-def _half(found: Solution, read: Readings, first: int, stop: int) -> Solution:
+def _half(found: Solution, first: int, stop: int) -> Solution:
     q_GS = found.at.q_GS[first:stop]
     # headings are free: nothing is to be turned back to where the whole began
     part = replace(_part(found.problem, first, stop), start=q_GS[0])
     return _asked(part, replace(found.at, q_GS=q_GS), STEPS)
 
 
-def _afresh(found: Solution, read: Readings, first: int, stop: int) -> Solution:
+def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
     """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
-    whole, own = found.problem, Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
+    own = Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
     guess = first_guess.unknowns(whole.chain, Noise(), own)
     part = posed(whole.chain, Noise(), own, guess.q_GS[0], "left", {})  # what depends on hand and mounting is known already
     return _asked(replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length), guess, AFRESH)

@@ -125,6 +125,6 @@ def test_halves_of_a_stretch_begin_where_the_whole_has_its_minimum(with_skin: So
     """Wherever the hand has turned to by then: else a half would be asked before it came down, and called another."""
     n = len(with_skin.problem)
     for first, stop in ((0, n // 2), (n // 2, n)):
-        half = steadiness._half(with_skin, readings(recorded(2, DURATION, skin=True)), first, stop)
+        half = steadiness._half(with_skin, first, stop)
         assert half.outcome == "converged"
         assert half.costs[0] < 1.1 * half.costs[-1]
