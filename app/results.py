@@ -126,7 +126,7 @@ def page_content(processed: Processed, tasks: list[TaskResult], recording: Loade
         "self_calibration": self_calibration.kept_of(processed),
         "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
         "measured": measured_segments(moved),
-        "calibration": {"source": c.source, "onset": c.t, "end": c.end, "quality": {s: asdict(q) for s, q in c.quality.items()}},
+        "calibration": {"source": c.source, "onset": c.span[0], "end": c.span[1], "quality": {s: asdict(q) for s, q in c.quality.items()}},
         "tasks": [_task(t) for t in tasks],
         "events": [{"trial_type": e.trial_type, "onset": e.onset, "duration": e.duration, **dict(e.details)} for e in recording.events],
         "repetitions": {

@@ -71,3 +71,9 @@ class Calibration:
     p_BS_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m
     gyr_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) rad/s
     acc_bias_sd: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
+    stretch: tuple[float, float] | None = None  # s, of the movement that told it, where it is not of a pose from t to end
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when to when it was looked at, s."""
+        return self.stretch or (self.t, self.end)

@@ -36,7 +36,7 @@ def taken_over(c: SelfCalibration, parts: str) -> dict[str, Any]:
 
 def found_of(c: Calibration, told: tuple[str, ...]) -> Found | None:
     """A calibration that movement told, as it is kept; None for one that rests on a pose alone."""
-    return Found(calibration_table(c), told, c.t, c.end) if c.lengths_sd or c.p_BS_sd else None
+    return Found(calibration_table(c), told, *c.span) if c.lengths_sd or c.p_BS_sd else None
 
 
 def told(found: Mapping[str, Any], said: list[str], language: Language) -> dict[str, Any]:

@@ -226,6 +226,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         gyr_bias=bias,
         geometry=geometry,
         source="self-calibration",
+        stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
         warnings=(BEGUN,),
         p_BS=_first_of(fingers, lambda f: _placed(params, f, _places(f, geometry))),
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},

@@ -53,6 +53,7 @@ def test_a_finger_is_followed_without_pose_and_magnetometer(processed: Processed
 def test_its_calibration_holds_seats_places_lengths_and_biases(processed: Processed, gapped: Simulated) -> None:
     found, worn = processed.calibrations[0], gapped.sensors
     assert found.source == "self-calibration"
+    assert found.span == pytest.approx((3.5, 16.0), abs=0.05) and found.end == found.t  # orientations hold at an instant
     for k, name in enumerate(SEGMENTS[1:3], 1):
         assert found.geometry.lengths[name] == pytest.approx(artificial_finger.HINGES, rel=0.02)
         assert found.lengths_sd[name] < 0.02 * artificial_finger.HINGES

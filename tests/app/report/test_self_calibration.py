@@ -6,9 +6,10 @@ from typing import Any
 from app.language import languages
 from app.report import FORMS, Style
 from app.report.kept import packed, unpacked
-from app.report.self_calibration import section, told, with_deviation
+from app.report.self_calibration import found_of, section, told, with_deviation
 from tests.app.report.simulated_sessions import report
 from tests.sessions.test_self_calibrations import found
+from tests.simulated import calibrated, pose_and_wiggle
 
 ENGLISH, GERMAN = languages()["en"], languages()["de"]
 BENT = "index_pip was bent by 7 deg only: its axis and the lengths beside it are not observable; bend it more, or give the lengths"
@@ -36,6 +37,12 @@ def test_lengths_places_and_biases_are_told_with_their_standard_deviations() -> 
     assert said["seats"] == [["index proximal", "20.40 ± 0.25", "3.10 ± 0.40", "-0.8 ± 1.1", "11.46 ± 0.50"]]
     (bias,) = said["biases"]
     assert (bias[0], bias[2]) == ("index proximal", "0.050 ± 0.003")
+
+
+def test_it_is_kept_with_the_stretch_of_movement_that_told_it() -> None:
+    moved = replace(calibrated(pose_and_wiggle("left")), lengths_sd={"index_proximal": 2e-4}, stretch=(3.5, 43.5))
+    one = found_of(moved, ())
+    assert one is not None and (one.onset, one.end) == (3.5, 43.5)
 
 
 def test_it_is_told_in_german() -> None:
