@@ -16,6 +16,7 @@ from app.report.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
 from estimators.quaternions import Array
 
 WIDTH, PANEL, ROW = 7.2, 2.4, 0.28  # inches: a figure, a panel of lines, a row of bars
+KEY = "Standard deviation, in brackets the RMS error over the trials. The shade is the standard deviation's: dark a tenth of what is good enough or less, white ten times it or more"
 READ_ON_A_PAGE = {"font.family": "sans-serif", "font.size": 9.0, "axes.linewidth": 0.6}
 
 
@@ -85,7 +86,9 @@ def lines(panels: Sequence[Sequence[Line]], titles: Sequence[str], limits: tuple
 def cells(fields: Sequence[Cells], columns: Sequence[str], good: Sequence[float]) -> str:
     """A field one below the other; a cell is the darker the surer, by its standard deviation against the column's good one; the error below it."""
     with _drawing():
-        figure = Figure(figsize=(1.3 * WIDTH, 0.9 + sum(0.5 + 0.36 * len(f.rows) for f in fields)), layout="constrained", facecolor="white")
+        height = 1.1 + sum(0.5 + 0.36 * len(f.rows) for f in fields)
+        figure = Figure(figsize=(1.3 * WIDTH, height), layout="constrained", facecolor="white")
+        figure.supxlabel(KEY, fontsize=7.0, color=INK)
         axes = figure.subplots(len(fields), 1, sharex=True, squeeze=False)[:, 0]
         shades = LinearSegmentedColormap.from_list("told", [ACCENT, FILL["good"][0], FILL["fair"][0], "white"])
         for ax, field in zip(axes, fields):

@@ -190,7 +190,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     drawn = {
         f: Cells(
             f.capitalize(),
-            tuple(MOVEMENTS),
+            tuple(_named(m, by[f, m]) for m in MOVEMENTS),
             np.array([[np.mean([r.sd[n] for r in by[f, m]]) for n in GOOD] for m in MOVEMENTS]),
             np.array([[np.sqrt(np.mean([r.error[n] ** 2 for r in by[f, m]])) for n in GOOD] for m in MOVEMENTS]),
         )
@@ -199,6 +199,12 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     names = tuple(f"{name}\n{unit}".replace("' ", "'\n") for name, (unit, _) in GOOD.items())
     figures = {"reproduce-observability.svg": cells(tuple(drawn.values()), names, [good for _, good in GOOD.values()])}
     return Finding("observability", "Which movements tell what", _setting(), tables, (), tuple(_remarks(by)), figures)
+
+
+def _named(movement: str, results: Sequence[Found]) -> str:
+    """With how often the solver came to an end, where that was not always."""
+    ended = sum(r.converged for r in results)
+    return movement if ended == len(results) else f"{movement}\n(ended in {ended} of {len(results)})"
 
 
 def _remarks(by: Mapping[tuple[str, str], Sequence[Found]]) -> Iterator[str]:
