@@ -36,7 +36,7 @@ def measure() -> list[Metric]:
         samples = sum(len(b.t) * len(b.stream.sensors) for b in recording.samples.values())
         lost = max(
             sum(recording.losses.values()), overruns
-        )  # the streams' counters count what the glove dropped, too, but for what nothing came after
+        )  # the streams' counters count what the glove dropped, too, but for what nothing came after: that is told in frames, of a sample and more
         size = file.stat().st_size
     return [
         Metric("samples lost by the recording", float(lost), "samples", 0.0, "lower"),

@@ -88,7 +88,7 @@ class Samples:
 @dataclass(frozen=True)
 class Status:
     t: int  # ns on the base unit's clock
-    overruns: int  # samples that the device itself had to drop since start
+    overruns: int  # frames that the device had to drop since power-up because nobody took the bytes
     battery_percent: int  # 255 = on USB power
     temperature: float  # deg C
 

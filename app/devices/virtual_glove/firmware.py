@@ -46,7 +46,7 @@ class Firmware:
     rng: np.random.Generator
     flash: Flash = field(default_factory=Flash)  # outlives the firmware: it is the strips'
     running: bool = False
-    overruns: int = 0  # samples dropped because nobody took the bytes
+    overruns: int = 0  # frames dropped because nobody took the bytes
     _decoder: Decoder = field(default_factory=lambda: Decoder(ordered=False))
     _encoder: Encoder = field(default_factory=Encoder)
     _pulled: set[str] = field(default_factory=set)  # names of strips that are not plugged in
