@@ -4,11 +4,11 @@ In      readings of several magnetometers (n, magnetometers, 3), T; where they s
 Out     Located: place and moment of the magnet in the base's frame with standard deviations, the field without it, what is left unexplained
 Source  Kortier, thesis ch. 5, (5.7), (5.8); for a given place moment and field are linear (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): a grid of
         places is searched so, then Levenberg-Marquardt from the best ones, all readings at once
-Limits  with an unknown field three magnetometers at least, with a known one two (one if the moment's size is known, up to the sign of the place); the
-        field must be the same at all magnetometers
+Limits  with an unknown field three magnetometers at least, with a known one two; the field must be the same at all of them. Where as much is unknown as
+        is read (three magnetometers, or two in a known field, and no size told) several places explain a reading exactly, and nothing is found
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from estimators.magnet_setup import Constellation, require_field
 from estimators.quaternions import Array
 
 GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
-STARTS = 8  # the best place of every octant around the array
+REGIONS = 2  # along each edge: the best place of every octant around the array is a start
 AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best one's cannot be ruled out
 ROUNDS = 30
 STRAIGHT = (
@@ -38,7 +38,27 @@ class Located:
     place_sd: Array  # (n, 3) m
     moment_sd: Array  # (n, 3) A m^2
     left: Array  # (n,) RMS of what is left, T
-    found: NDArray[np.bool_]  # (n,) explained to within three times the noise, and known better than `sure`
+    misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
+    found: NDArray[np.bool_]  # (n,) explained to within three of them, and known better than `sure`
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is known of readings that are solved together."""
+
+    y: Array  # (n, magnetometers, 3) T, base frame
+    places: Array  # (magnetometers, 3) m
+    field: Array | None  # (n, 3) T
+    size: float | None  # A m^2
+    noise: float  # T
+    size_sd: float  # share
+    louder: Array  # (n, magnetometers) standard deviations of readings over the noise
+
+    def of(self, rows: NDArray[np.intp]) -> "Told":
+        return replace(self, y=self.y[rows], field=None if self.field is None else self.field[rows], louder=self.louder[rows])
+
+    def repeated(self, times: int) -> "Told":
+        return self.of(np.repeat(np.arange(len(self.y)), times))
 
 
 def located(
@@ -49,8 +69,12 @@ def located(
     noise: float = 0.5e-6,
     reach: float = 0.5,
     sure: float = 0.05,
+    size_sd: float = 1e-3,
+    regions: int = REGIONS,
+    place_sd: float = 0.0,
 ) -> Located:
-    """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m."""
+    """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m,
+    `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. More `regions` find more of the places that explain a reading as well."""
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
         raise InputError(f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}.")
     require_field(mag)
@@ -63,93 +87,108 @@ def located(
     y = quat.rotate(array.q_bl, mag)
     background = np.full((len(y), 3), np.nan) if field is None else np.broadcast_to(field, (len(y), 3))
     good = np.isfinite(y).all(axis=(1, 2)) & (np.isfinite(background).all(axis=1) | (field is None))
-    out = np.full((len(y), 9), np.nan), np.full((len(y), 9), np.nan), np.full(len(y), np.nan)
+    out = np.full((len(y), 9), np.nan), np.full((len(y), 9), np.nan), np.full(len(y), np.nan), np.full(len(y), np.nan)
     rows = np.flatnonzero(good)
     for part in np.array_split(rows, max(1, -(-len(rows) // PIECE))):
-        values = _solved(y[part], array.places, None if field is None else background[part], size, noise, reach) if len(part) else ()
+        known, alike = None if field is None else background[part], np.ones((len(part), len(array)))
+        values = _solved(Told(y[part], array.places, known, size, noise, size_sd, alike), reach, regions, place_sd) if len(part) else ()
         for whole, piece in zip(out, values):
             whole[part] = piece
-    x, sd, left = out
+    x, sd, left, misfit = out
     distance = np.linalg.norm(x[:, None, :3] - array.places, axis=-1).min(axis=1)
-    found = np.isfinite(left) & (left < 3 * noise) & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
-    return Located(x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, found)
+    found = (told > unknowns) & np.isfinite(misfit) & (misfit < 3) & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
+    return Located(x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, found)
 
 
-def _solved(y: Array, places: Array, field: Array | None, size: float | None, noise: float, reach: float) -> tuple[Array, Array, Array]:
-    """Values (n, 9), their standard deviations, RMS left (n,) of readings y (n, magnetometers, 3) in the base's axes."""
-    starts = _starts(y, places, field, size, reach)  # (n, STARTS, 9)
-    n = len(y)
-    flat = np.repeat(y, STARTS, axis=0)
-    background = None if field is None else np.repeat(field, STARTS, axis=0)
-    x, cost = _improved(starts.reshape(n * STARTS, 9), flat, places, background, size, noise)
-    cost = cost.reshape(n, STARTS)
-    best = np.arange(n) * STARTS + cost.argmin(axis=1)
-    apart = np.linalg.norm(x.reshape(n, STARTS, 9)[..., :3] - x[best, None, :3], axis=-1)
+def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Array, Array, Array, Array]:
+    """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations."""
+    starts = _starts(told, reach, regions)  # (n, many, 9)
+    n, many = starts.shape[:2]
+    each = told.repeated(many)
+    x, cost = _improved(starts.reshape(n * many, 9), each)
+    if place_sd > 0:
+        best = np.arange(n) * many + cost.reshape(n, many).argmin(axis=1)
+        louder = _by_places(x[best], told, place_sd)
+        told, each = replace(told, louder=louder), replace(each, louder=np.repeat(louder, many, axis=0))
+        x, cost = _improved(x, each)
+    cost = cost.reshape(n, many)
+    best = np.arange(n) * many + cost.argmin(axis=1)
+    apart = np.linalg.norm(x.reshape(n, many, 9)[..., :3] - x[best, None, :3], axis=-1)
     rival = np.where(cost < cost.min(axis=1, keepdims=True) + AMBIGUOUS, apart, 0.0).max(axis=1)
-    r, A = _residuals(x[best], y, places, field, size, noise)
+    r, A = _residuals(x[best], told)
     _, s, Vt = np.linalg.svd(A, full_matrices=False)
     variance = (Vt**2 / np.maximum(s, 1e-9)[..., None] ** 2).sum(axis=1)
-    left = noise * np.sqrt((r[:, : y[0].size] ** 2).mean(axis=1))
-    excess = np.maximum(1.0, left / noise)[:, None]
-    scale = np.repeat([1.0, 1.0, noise], 3) if field is None else np.ones(6)
+    r = r[:, : told.y[0].size].reshape(told.y.shape)
+    misfit, left = np.sqrt((r**2).mean(axis=(1, 2))), told.noise * np.sqrt(((r * told.louder[..., None]) ** 2).mean(axis=(1, 2)))
+    scale = np.repeat([1.0, 1.0, told.noise], 3) if told.field is None else np.ones(6)
     sd = np.zeros((n, 9))
-    sd[:, : A.shape[2]] = np.sqrt(variance) * excess * scale
+    sd[:, : A.shape[2]] = np.sqrt(variance) * np.maximum(1.0, misfit)[:, None] * scale
     sd[:, :3] = np.where(rival > 5 * np.linalg.norm(sd[:, :3], axis=1), rival, 0.0)[:, None] + sd[:, :3]
-    return x[best], sd, left
+    return x[best], sd, left, misfit
 
 
-def _starts(y: Array, places: Array, field: Array | None, size: float | None, reach: float) -> Array:
-    """The best places of a grid around the array with the moment and field that fit there (n, STARTS, 9)."""
+def _by_places(x: Array, told: Told, place_sd: float) -> Array:
+    """How many times louder than its noise each magnetometer (n, magnetometers) is by the error of its place, where the magnet's field bends."""
+    bends = dipole.by_place(x[:, None, :3] - told.places, x[:, None, 3:6])
+    return np.asarray(np.sqrt(1.0 + (bends**2).mean(axis=(2, 3)) * 3 * (place_sd / told.noise) ** 2))
+
+
+def _starts(told: Told, reach: float, regions: int) -> Array:
+    """The best place of every region of a grid around the array with the moment and field that fit there (n, regions^3, 9)."""
+    y, places, field, size = told.y, told.places, told.field, told.size
     even = np.linspace(-1, 1, GRID)
     edge = even * np.sqrt(np.abs(even)) * reach  # closer together in the middle, where the field bends most
     grid = places.mean(axis=0) + np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), axis=-1).reshape(-1, 3)
-    grid = grid[np.linalg.norm(grid[:, None] - places, axis=-1).min(axis=1) > 0.02]
+    along = np.arange(GRID) * regions // GRID
+    region = (np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3) * [1, regions, regions**2]).sum(axis=1)
+    clear = np.linalg.norm(grid[:, None] - places, axis=-1).min(axis=1) > 0.02
+    grid, region = grid[clear], region[clear]
     J = dipole.by_moment(grid[:, None] - places)  # (G, L, 3, 3)
     A = J if field is not None else np.concatenate([J, np.broadcast_to(np.eye(3), J.shape)], axis=-1)
     A = A.reshape(len(grid), -1, A.shape[-1])
     scale = np.abs(A).max(axis=1, keepdims=True)
     Q, R = np.linalg.qr(A / scale)
     flat = (y if field is None else y - field[:, None]).reshape(len(y), -1)
-    told = np.einsum("nk,gkc->ngc", flat, Q)
-    unexplained = (flat**2).sum(axis=1)[:, None] - (told**2).sum(axis=2)
+    along_Q = np.einsum("nk,gkc->ngc", flat, Q)
+    unexplained = (flat**2).sum(axis=1)[:, None] - (along_Q**2).sum(axis=2)
     if size is not None:
-        fit = np.einsum("gcd,ngd->ngc", np.linalg.inv(R), told) / scale[:, 0]
+        fit = np.einsum("gcd,ngd->ngc", np.linalg.inv(R), along_Q) / scale[:, 0]
         m = np.linalg.norm(fit[..., :3], axis=-1)
         strength = np.sqrt((J**2).mean(axis=(1, 2, 3)) * 3)  # field of one A m^2 at the magnetometers
         unexplained = unexplained + ((m - size) * strength) ** 2
-    octant = ((grid > places.mean(axis=0)) * [1, 2, 4]).sum(axis=1)
-    best = np.stack([np.flatnonzero(octant == k)[unexplained[:, octant == k].argmin(axis=1)] for k in range(STARTS)], axis=1)
+    best = np.stack([np.flatnonzero(region == k)[unexplained[:, region == k].argmin(axis=1)] for k in np.unique(region)], axis=1)
     rows = np.arange(len(y))[:, None]
-    solution = np.einsum("nscd,nsd->nsc", np.linalg.inv(R)[best], told[rows, best]) / scale[:, 0][best]
-    x = np.zeros((len(y), STARTS, 9))
+    solution = np.einsum("nscd,nsd->nsc", np.linalg.inv(R)[best], along_Q[rows, best]) / scale[:, 0][best]
+    x = np.zeros((*best.shape, 9))
     x[..., :3], x[..., 3 : 3 + solution.shape[-1]] = grid[best], solution
     return x
 
 
-def _residuals(x: Array, y: Array, places: Array, field: Array | None, size: float | None, noise: float) -> tuple[Array, Array]:
+def _residuals(x: Array, told: Told) -> tuple[Array, Array]:
     """Whitened residuals (n, k) and their derivatives (n, k, 6 or 9) by place (m), moment (A m^2) and field (in units of the noise)."""
-    r, m = x[:, None, :3] - places, x[:, None, 3:6]
-    background = x[:, None, 6:] if field is None else field[:, None]
-    off = ((y - background - dipole.field(r, m)) / noise).reshape(len(y), -1)
-    blocks = [dipole.by_place(r, m) / noise, dipole.by_moment(r) / noise]
-    if field is None:
-        blocks.append(np.broadcast_to(np.eye(3), blocks[0].shape))
-    A = np.concatenate(blocks, axis=-1).reshape(len(y), off.shape[1], -1)
-    if size is not None:
+    r, m = x[:, None, :3] - told.places, x[:, None, 3:6]
+    background = x[:, None, 6:] if told.field is None else told.field[:, None]
+    noise = told.noise * told.louder[..., None]
+    off = ((told.y - background - dipole.field(r, m)) / noise).reshape(len(x), -1)
+    blocks = [dipole.by_place(r, m) / noise[..., None], dipole.by_moment(r) / noise[..., None]]
+    if told.field is None:
+        blocks.append(np.eye(3) / told.louder[..., None, None])
+    A = np.concatenate(blocks, axis=-1).reshape(len(x), off.shape[1], -1)
+    if told.size is not None:
         length = np.linalg.norm(x[:, 3:6], axis=1)
-        sharp = 1.0 / (1e-3 * size)
-        row = np.zeros((len(y), 1, A.shape[2]))
+        sharp = 1.0 / (told.size_sd * told.size)
+        row = np.zeros((len(x), 1, A.shape[2]))
         row[:, 0, 3:6] = x[:, 3:6] / np.maximum(length, 1e-9)[:, None] * sharp
-        off, A = np.concatenate([off, ((size - length) * sharp)[:, None]], axis=1), np.concatenate([A, row], axis=1)
+        off, A = np.concatenate([off, ((told.size - length) * sharp)[:, None]], axis=1), np.concatenate([A, row], axis=1)
     return off, A
 
 
-def _improved(x: Array, y: Array, places: Array, field: Array | None, size: float | None, noise: float) -> tuple[Array, Array]:
+def _improved(x: Array, told: Told) -> tuple[Array, Array]:
     """Levenberg-Marquardt of all rows at once: a row that does not get better takes a shorter step next time."""
     damping = np.full(len(x), 1e-2)
-    r, A = _residuals(x, y, places, field, size, noise)
+    r, A = _residuals(x, told)
     cost, k = (r**2).sum(axis=1), A.shape[2]
-    unit = np.repeat([1.0, 1.0, noise], 3)[:k]
+    unit, middle = np.repeat([1.0, 1.0, told.noise], 3)[:k], told.places.mean(axis=0)
     going = np.ones(len(x), bool)
     for _ in range(ROUNDS):
         rows = np.flatnonzero(going)
@@ -163,11 +202,10 @@ def _improved(x: Array, y: Array, places: Array, field: Array | None, size: floa
         step *= np.minimum(1.0, 0.1 / np.maximum(long, 1e-12))[:, None]
         tried = x[rows].copy()
         tried[:, :k] += step
-        away = tried[:, :3] - places.mean(axis=0)
+        away = tried[:, :3] - middle
         far = np.linalg.norm(away, axis=1)
-        tried[:, :3] = places.mean(axis=0) + away * np.minimum(1.0, FARTHEST / np.maximum(far, 1e-9))[:, None]
-        background = None if field is None else field[rows]
-        new_r, new_A = _residuals(tried, y[rows], places, background, size, noise)
+        tried[:, :3] = middle + away * np.minimum(1.0, FARTHEST / np.maximum(far, 1e-9))[:, None]
+        new_r, new_A = _residuals(tried, told.of(rows))
         new = (new_r**2).sum(axis=1)
         better = new < cost[rows]
         damping[rows] = np.where(better, damping[rows] * 0.2, damping[rows] * 5.0)

@@ -19,6 +19,7 @@ from estimators.quaternions import Array
 SUFFIXES = (".csv", ".tsv", ".txt")
 MISSING = {"", "n/a", "na", "nan", "null"}
 LARGEST = 2**30  # bytes of a table
+PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Described:
     earth: float | None  # T
     limit: float | None  # in `unit`
     moment: float | None  # A m^2
+    place_sd: float  # m
 
 
 def table(path: Path) -> Table:
@@ -70,7 +72,7 @@ def described(path: Path) -> Described:
         names, unit = tuple(each), str(told["unit"])
         places = np.array([each[name]["place"] for name in names], float)
         turns = [each[name].get("q_bl") for name in names]
-        numbers = [_number(told, key) for key in ("earth", "limit", "moment")]
+        earth, limit, moment, place_sd = (_number(told, key) for key in ("earth", "limit", "moment", "place_sd"))
     except OSError as problem:
         raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
@@ -80,7 +82,7 @@ def described(path: Path) -> Described:
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
         raise InputError(f"{path.name}: tell q_bl of every magnetometer or of none")
     q_bl = None if not turns or turns[0] is None else np.array(turns, float)
-    return Described(unit, names, places, q_bl, *numbers)
+    return Described(unit, names, places, q_bl, earth, limit, moment, PLACE_SD if place_sd is None else place_sd)
 
 
 def _number(told: Mapping[str, Any], key: str) -> float | None:

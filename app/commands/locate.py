@@ -22,6 +22,9 @@ COLUMNS = (
     *("t", "x", "y", "z", "x_sd", "y_sd", "z_sd", "moment_x", "moment_y", "moment_z", "moment_x_sd", "moment_y_sd", "moment_z_sd"),
     *("field_x", "field_y", "field_z", "left", "found"),
 )
+MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
+GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
+FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
         told.append("not calibrated: iron on the board and turned chips are not seen; record the array turned by hand and give --turned")
     noise = float(np.hypot(np.median(looked.noise), left))
     constellation = magnet_setup.constellation(array.places, q_bl)
-    located = magnet_localisation.located(mag, constellation, None, array.moment, max(noise, 1e-8))
+    size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
+    regions = MANY_REGIONS if len(constellation) <= FEW else magnet_localisation.REGIONS
+    located = magnet_localisation.located(
+        mag, constellation, None, array.moment, max(noise, 1e-8), size_sd=size_sd, regions=regions, place_sd=array.place_sd
+    )
     table = np.column_stack(
         [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
     )
@@ -143,7 +150,7 @@ def _strange(located: Located) -> list[str]:
 def _why(located: Located, noise: float) -> str:
     """Why places are not told, of what is most often so."""
     lost = ~located.found
-    strange = np.nan_to_num(located.left[lost]) > 3 * noise
+    strange = np.nan_to_num(located.misfit[lost]) > 3
     if np.isnan(located.left[lost]).mean() > 0.5:
         return "readings are missing or at their limit"
     if strange.mean() > 0.5:

@@ -46,6 +46,25 @@ def test_two_magnets_are_not_taken_for_one() -> None:
     assert localisation.located(both, ARRAY, None, SIZE, noise=NOISE).found.mean() < 0.1
 
 
+def test_errors_of_the_magnetometers_places_and_of_the_moment_told_are_counted() -> None:
+    """Places a millimetre off, the moment told 4 % too large."""
+    mag, p, _ = _seen(150, 7, 0.08, 0.15)
+    amiss = setup.constellation(PLACES + 1e-3 * np.random.default_rng(8).normal(size=PLACES.shape), ARRAY.q_bl)
+    found = localisation.located(mag, amiss, None, 1.04 * SIZE, noise=NOISE, size_sd=0.03, regions=3, place_sd=1e-3)
+    square = (((found.place - p) / found.place_sd) ** 2)[found.found]
+    assert found.found.mean() > 0.7 and 0.5 < square.mean() < 1.5
+
+
+def test_three_magnetometers_and_no_moment_find_nothing() -> None:
+    """Nine readings and nine unknowns: other places explain them as exactly."""
+    mag, p, _ = _seen(60, 9, 0.08, 0.15)
+    three = setup.constellation(PLACES[:3], ARRAY.q_bl[:3])
+    assert not localisation.located(mag[:, :3], three, noise=NOISE).found.any()
+    told = localisation.located(mag[:, :3], three, None, SIZE, noise=NOISE, size_sd=0.015, regions=3)
+    off = np.linalg.norm(told.place - p, axis=1) / np.linalg.norm(told.place_sd, axis=1)
+    assert told.found.any() and (off[told.found] < 4).all()
+
+
 def test_a_magnet_out_of_reach_is_not_found() -> None:
     mag, _, _ = _seen(50, 4, 1.5, 2.0)
     assert not localisation.located(mag, ARRAY, None, SIZE, noise=NOISE).found.any()
