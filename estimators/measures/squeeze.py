@@ -169,7 +169,7 @@ def _identified(
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
         return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
-    told = frequency_response.conditions(frequency_response.response(t, x, p))
+    told = frequency_response.conditions(frequency_response.response(t, x, -p))  # the push moves the pads towards each other
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:

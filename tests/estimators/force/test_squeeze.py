@@ -46,11 +46,16 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
     assert np.mean(surprise) < 2.5
 
 
-def test_a_damper_is_told_from_a_spring() -> None:
+def test_a_damper_is_told_from_a_spring_and_from_what_moves_by_itself() -> None:
     made, _ = done(1, held_object.squeeze, stiffness=400.0, damping=60.0)
-    f = figures(made)
+    moved = followed(made).trajectory
+    f = figures(made, moved)
     assert f["squeeze_damping"].value == pytest.approx(60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0))
     assert f["squeeze_stiffness"].value == pytest.approx(400.0, rel=0.2)
+    assert f["squeeze_stiffness"].reason == ""
+    assert moved.forces is not None
+    later = replace(moved, forces=np.roll(moved.forces, 25, axis=0))  # by 0.25 s: the object seems to move first
+    assert "energy came out" in figures(made, later)["squeeze_stiffness"].reason
 
 
 def test_with_a_third_finger_no_stiffness_is_told() -> None:
