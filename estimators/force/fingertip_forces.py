@@ -69,7 +69,8 @@ def attached(
     force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
     q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
     found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2))
-    turn, covariance = np.zeros((*force.shape[:2], 3)), np.tile(np.eye(3) * (params.tip_sd * DEG) ** 2, (*force.shape[:2], 1, 1))
+    unknown = (params.tip_sd**2 + params.cuff_sd**2) * DEG**2
+    turn, inertial, covariance = *np.zeros((2, *force.shape[:2], 3)), np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1))
     known = np.asarray(np.isfinite(q_GF).all(axis=2))
     for grasp in found:
         a, b = np.searchsorted(moved.t, [grasp.onset, grasp.end])
@@ -77,17 +78,20 @@ def attached(
         if b - a > 3 and len(here) >= 2:
             told = tip_orientation.corrected(params, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
             for j, s in enumerate(here):
-                turn[a:b, s], covariance[a:b, s] = told.turn[:, j], told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
+                turn[a:b, s], inertial[a:b, s] = told.turn[:, j], told.inertial[:, j]
+                covariance[a:b, s] = told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
             if np.nanmedian(told.unbalanced) > params.doubt:
                 flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
-            q = quat.multiply(quat.exp(told.turn), q_GF[a:b, here])
-            pushed, specific = (quat.rotate(q, v[a:b, here]) for v in (force, acc))
+            pushed, specific = (
+                quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
+                for by, v in ((told.turn, force), (told.inertial, acc))
+            )
             rest, rest_sd = balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], params.force_scale)
             if abs(rest) > params.shared * rest_sd:
                 flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
-    q = quat.multiply(quat.exp(turn), q_GF)
+    q, q_inertial = (quat.multiply(quat.exp(by), q_GF) for by in (turn, inertial))
     flags[~known] |= np.uint8(ForceFlag.UNORIENTED)
-    own, in_global = quat.rotate(q, acc), quat.rotate(q, force)
+    own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
     total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)

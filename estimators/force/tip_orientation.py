@@ -3,7 +3,8 @@
 In      of S tips with force and inertial sensor on one cuff: orientation q_GF (n, S, 4) as the method tells it, force (n, S, 3) N, specific force (n, S, 3)
         and angular rate (n, S, 3) in the cuff's frame F; which instants belong to one grasp
 Out     the turn to be put before q_GF (n, S, 3) rad in the global frame, its covariance (n, 3S, 3S), by how much the forces do not balance
-Source  Kortier, thesis 6.2.2, (6.13), (6.14), gates after Skog et al. 2010. The error state is the turn of every tip, a random walk, filtered and smoothed.
+Source  Kortier, thesis 6.2.2, (6.13), (6.14), gates after Skog et al. 2010. The error state is the turn of every tip, a random walk, and, ours, how each cuff
+        holds its force sensor turned against its inertial sensor, a constant; filtered and smoothed.
         Ours: (6.13) holds the part of the net force across the specific force, not only while the hand is still: f_i + f_t = M (g + a) lies along it
 Limits  a turn about the line between the tips that both share, and the heading of both, cannot be seen; errors that stay alike (biases, scales) count as white
         noise of as much more variance
@@ -32,6 +33,9 @@ class TipParams:
         "docs/reproduction.md: 3.2 deg of the thumb's base, 1.8 of fingers",
         least=0.1,
     )
+    cuff_sd: float = option(
+        1.0, "deg", "turn of the force sensor against the inertial sensor on its cuff, in each axis", "3D print; ours", least=0.0
+    )
     tip_walk: float = option(0.2, "deg/sqrt(s)", "how that error wanders", "ours: skin and sensor under load", least=1e-3)
     acc_error: float = option(
         0.1, "m/s^2", "error of an accelerometer axis that stays alike", "ours: bias of 0.05 and scale of 0.3 %", least=1e-3
@@ -54,8 +58,9 @@ class TipParams:
 
 @dataclass(frozen=True)
 class Turned:
-    turn: Array  # (n, S, 3) rad
-    covariance: Array  # (n, 3S, 3S)
+    turn: Array  # (n, S, 3) rad, of the force sensors
+    covariance: Array  # (n, 3S, 3S) of it
+    inertial: Array  # (n, S, 3) rad, of the inertial sensors on the same cuffs
     unbalanced: Array  # (n,) force across gravity left over, in standard deviations
 
 
@@ -72,14 +77,14 @@ class Tips:
 
 def corrected(params: TipParams, tips: Tips) -> Turned:
     """The turns of one grasp."""
-    n, S = tips.force.shape[:2]
+    S = tips.force.shape[1]
     rows = _rows(tips.t, params.update)
-    walk = (params.tip_walk * DEG) ** 2
-    x, P = np.zeros(3 * S), np.eye(3 * S) * (params.tip_sd * DEG) ** 2
+    walk = np.repeat([(params.tip_walk * DEG) ** 2, 0.0], 3 * S)
+    x, P = np.zeros(6 * S), np.diag(np.repeat([(params.tip_sd * DEG) ** 2, (params.cuff_sd * DEG) ** 2], 3 * S))
     states, covariances, ahead = [], [], []
     before = tips.t[rows[0]]
     for k in rows:
-        P = P + np.eye(3 * S) * walk * (tips.t[k] - before)
+        P = P + np.diag(walk * (tips.t[k] - before))
         ahead.append(P)
         for missed, H, R in _measurements(params, tips, k, x):
             gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -90,20 +95,40 @@ def corrected(params: TipParams, tips: Tips) -> Turned:
         covariances.append(P)
         before = tips.t[k]
     for j in range(len(rows) - 2, -1, -1):
-        G = np.linalg.solve(ahead[j + 1], covariances[j]).T
+        G = np.linalg.lstsq(ahead[j + 1], covariances[j], rcond=None)[0].T
         states[j] = states[j] + G @ (states[j + 1] - states[j])
         covariances[j] = covariances[j] + G @ (covariances[j + 1] - ahead[j + 1]) @ G.T
-    turn = np.stack([np.interp(tips.t, tips.t[rows], s) for s in np.array(states).T], axis=1).reshape(n, S, 3)
+    return _told(tips, rows, np.array(states), np.array(covariances), params)
+
+
+def _told(tips: Tips, rows: NDArray[np.int_], states: Array, covariances: Array, params: TipParams) -> Turned:
+    """From the rows at which something was corrected to all instants."""
+    n, S = tips.force.shape[:2]
+    x = np.stack([np.interp(tips.t, tips.t[rows], s) for s in states.T], axis=1)
+    inertial, cuff = x[:, : 3 * S].reshape(n, S, 3), x[:, 3 * S :].reshape(n, S, 3)
+    q = quat.multiply(quat.exp(inertial), tips.q_GF)
+    turn = quat.log(quat.multiply(quat.multiply(q, quat.exp(cuff)), quat.conjugate(tips.q_GF)))
+    whole = np.concatenate([np.tile(np.eye(3 * S), (n, 1, 1)), _in_global(q)], axis=2)
     nearest = np.searchsorted(rows, np.arange(n)).clip(0, len(rows) - 1)
-    covariance = np.array(covariances)[nearest]
-    return Turned(turn, covariance, _unbalanced(params, tips, turn, covariance))
+    covariance = whole @ covariances[nearest] @ whole.transpose(0, 2, 1)
+    return Turned(turn, covariance, inertial, _unbalanced(params, tips, turn, covariance))
+
+
+def _in_global(q: Array) -> Array:
+    """Turns of S tips' own frames, one after the other, in the global one: (..., S, 4) -> (..., 3S, 3S)."""
+    S = q.shape[-2]
+    R, turned = quat.matrix(q), np.zeros((*q.shape[:-2], 3 * S, 3 * S))
+    for s in range(S):
+        turned[..., 3 * s : 3 * s + 3, 3 * s : 3 * s + 3] = R[..., s, :, :]
+    return turned
 
 
 def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple[Array, Array, Array]]:
     """What is missed, its Jacobian and noise, of everything that may be used at row k."""
     S, used = tips.force.shape[1], []
-    R = quat.multiply(quat.exp(x.reshape(S, 3)), tips.q_GF[k])
-    acc, gyr, force = (quat.rotate(R, v[k]) for v in (tips.acc, tips.gyr, tips.force))
+    turn, cuff = x[: 3 * S].reshape(S, 3), x[3 * S :].reshape(S, 3)
+    q = quat.multiply(quat.exp(turn), tips.q_GF[k])
+    acc, gyr, force = quat.rotate(q, tips.acc[k]), quat.rotate(q, tips.gyr[k]), quat.rotate(q, quat.rotate(quat.exp(cuff), tips.force[k]))
     alike = params.alike / params.update
     own = np.flatnonzero(every(np.isfinite(acc)) & every(np.isfinite(gyr)))
     size, rate = np.linalg.norm(acc, axis=1), np.linalg.norm(gyr, axis=1)
@@ -118,12 +143,13 @@ def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple
             used.append(
                 (gyr[0] - gyr[s], _turning(S, {s: gyr[s], 0: -gyr[0]}), np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * alike)
             )
+    used = [(missed, np.hstack([H, np.zeros_like(H)]), R) for missed, H, R in used]  # the cuff turns what the force sensor reads alone
     if len(own) and np.isfinite(force).all():
         up = acc[own].mean(axis=0)
         across = _across(up)
         noise = S * params.force_noise**2 + params.force_scale**2 * float((force**2).sum())
         H = across @ _turning(S, {s: force[s] for s in range(S)})
-        used.append((-across @ force.sum(axis=0), H, np.eye(2) * noise * alike))
+        used.append((-across @ force.sum(axis=0), np.hstack([H, H @ _in_global(q)]), np.eye(2) * noise * alike))
     return used
 
 

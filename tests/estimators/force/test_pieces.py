@@ -114,6 +114,24 @@ def test_balance_of_the_forces_tells_how_the_tips_head_against_each_other(headin
     assert np.isnan(tip_orientation.corrected(TipParams(tip_sd=15.0), tips).unbalanced).nonzero()[0].tolist() == [150]
 
 
+def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_sensors() -> None:
+    """Force sensors sit 1 deg askew on their cuffs, and accelerometers are off by 0.1 m/s^2."""
+    surprise = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        heading = 4 * DEG * rng.normal()
+        tips, _ = held(heading, n=300)
+        askew = quat.exp(DEG * rng.normal(size=(2, 3)))
+        read = Tips(tips.t, tips.q_GF, quat.rotate(quat.conjugate(askew), tips.force), tips.acc + 0.1 * rng.normal(size=(2, 3)), tips.gyr)
+        found = tip_orientation.corrected(TipParams(), read)
+        true = quat.multiply(quat.multiply(quat.about(2, np.array([0.0, heading])), tips.q_GF[-1]), askew)
+        told = quat.multiply(quat.exp(found.turn[-1]), tips.q_GF[-1])
+        off = np.diff(quat.log(quat.multiply(true, quat.conjugate(told))), axis=0)[0]
+        C = found.covariance[-1]
+        surprise.append(off @ np.linalg.solve(C[:3, :3] + C[3:, 3:] - C[:3, 3:] - C[3:, :3], off) / 3)
+    assert 0.3 < np.mean(surprise) < 2.0
+
+
 def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
     """M = r x F + m n with a force that leans by up to 40 deg; of who pushes with less than half a newton nothing."""
     rng = np.random.default_rng(0)
