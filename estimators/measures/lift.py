@@ -208,8 +208,10 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     """The figures of one lift, each with the standard deviation that the instrument leaves."""
     h, off = one.held, one.off
     sd = np.sqrt((h.sd[off] ** 2).mean(axis=0))  # (S, 3)
-    grip_sd, load_sd = 0.5 * float(np.sqrt((sd**2).sum() / 3)), float(np.sqrt((sd[:, 2] ** 2).sum()))
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
+    untold = holding.untold_share(h, off)  # of the push, and perhaps of the load: one side of the grip lacks it
+    grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * untold * grip))
+    load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), untold * load))
     first, last = t[off][0], t[off][-1]
     rise = np.gradient(h.grip, t)
     up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))

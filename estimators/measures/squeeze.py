@@ -224,15 +224,15 @@ def figures(r: Squeeze) -> list[Figure]:
     sd = float(np.mean([0.5 * np.sqrt((one.held.sd**2).mean(axis=0).sum() / 3) for one in r.grasps]))
     spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
     root = np.sqrt(len(tops))
-    gain = float(np.hypot(r.params.gain_sd, 0.0))
+    gain, lacking = r.params.gain_sd, max(one.untold for one in r.grasps) / 2  # of the push, where one side lacks what is untold
     made = [
         KINDS["squeeze_count"].of(float(len(tops)), 0.0, *told),
-        KINDS["squeeze_force"].of(float(tops.mean()), float(np.hypot(spread / root, sd)), *told),
+        KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, lacking * tops.mean()])), *told),
         KINDS["squeeze_force_cv"].of(spread / float(tops.mean()) if len(tops) > 1 else np.nan, 1 / np.sqrt(2 * max(len(tops) - 1, 1)) * spread / float(tops.mean()), *told),
         KINDS["squeeze_rate"].of(gaps / sum(spans) if gaps else np.nan, 0.1 / max(sum(spans), 0.1) * (gaps / max(sum(spans), 0.1)), *told),
         KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *told),
         *_parameters(r),
-        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.hypot(gain, r.params.scale_sd) * works.mean())), *told),
+        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *told),
         KINDS["squeeze_coherence"].of(_coherence(r.grasps), None, *told),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):

@@ -105,6 +105,15 @@ def test_torques_are_those_of_the_forces_at_the_places_that_are_touched() -> Non
     assert abs(f["lift_work_turning"].value) < 0.02 * f["lift_work"].value
 
 
+def test_grip_and_load_are_as_unsure_as_the_push_of_one_side_lacks() -> None:
+    (made, _), good = heavy(), heavy_moved().trajectory
+    assert good.forces is not None
+    less = replace(good, forces=good.forces * np.array([0.8, 1.0, 1.0, 1.0, 1.0])[:, None])  # the thumb's sensor tells a fifth too little
+    was, now = ({f.what: f for f in lift.figures(measured(made, moved))} for moved in (good, less))
+    for what in ("lift_grip_hold", "lift_load_hold", "lift_grip_over_load"):
+        assert abs(now[what].value - was[what].value) < 1.2 * (now[what].sd or 0.0)
+
+
 @pytest.mark.parametrize("told", [True, False], ids=["at a limit that is told", "at a limit that nobody told"])
 def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
