@@ -4,7 +4,7 @@ import { errorBox, once } from "../forms.js";
 import { clock, dayAndTime, t } from "../words/words.js";
 import * as correcting from "./correcting.js";
 
-export function mount(root, api, { session, result, go }) {
+export function mount(root, api, { session, result, recomputed }) {
   const box = errorBox();
   const list = h("ol", { class: "trials" });
   let open = () => {};
@@ -51,20 +51,18 @@ export function mount(root, api, { session, result, go }) {
   }
 
   async function takeBack(correction) {
-    follow(await api.remove(`/api/corrections/${correction.id}`));
-  }
-
-  /** Look at what stands now in place of the result shown. */
-  function follow(answer) {
-    const now = answer.results.find((pair) => pair.before === result.id)?.now ?? answer.results[0]?.now;
-    go(`/sessions/${session.id}${now ? `?result=${now}` : ""}`, true);
+    const answer = await api.remove(`/api/corrections/${correction.id}`);
+    await recomputed(answer.results);
   }
 
   function toggle(button, place, file, trial) {
     const opened = button.getAttribute("aria-expanded") === "true";
     open();
     if (opened) return;
-    const send = async (wanted) => follow(await api.post(`/api/recordings/${file.id}/corrections`, wanted));
+    const send = async (wanted) => {
+      const answer = await api.post(`/api/recordings/${file.id}/corrections`, wanted);
+      await recomputed(answer.results);
+    };
     const leave = correcting.mount(place, api, { result, trial, send });
     button.setAttribute("aria-expanded", "true");
     open = () => {

@@ -7,7 +7,7 @@ import { t } from "../words/words.js";
 
 export const worn = ({ recordings }) => recordings.some(({ summary }) => summary.streams?.some(({ sensors }) => sensors.includes("trunk")));
 
-export function mount(root, api, { record, draft, result, reload }) {
+export function mount(root, api, { record, draft, result, recomputed }) {
   const box = errorBox();
   const said = h("p", {});
   const typed = () => (draft.trunk = input.value); // stays when the page draws itself anew
@@ -25,13 +25,12 @@ export function mount(root, api, { record, draft, result, reload }) {
   const recorded = result?.content?.events?.find((event) => event.trunk_height)?.trunk_height;
 
   async function send(trunk_height) {
-    const stored = (now) => {
+    const stored = (now, mine) => {
       delete draft.trunk;
       show(now);
+      return recomputed(mine ? now.results : []); // somebody else's height had what was computed made anew as well
     };
-    if (!(await sendChange(record, { trunk_height }, box, stored))) return;
-    stored(record.now);
-    reload();
+    if (await sendChange(record, { trunk_height }, box, stored)) await stored(record.now, true);
   }
 
   back.onclick = () => once(back, box, () => send(null));

@@ -77,3 +77,16 @@ def _read(page: Page) -> None:
     words = " ".join("".join(p.extract_text() for p in PdfReader(io.BytesIO(pdf)).pages).split())
     assert [name for name in IN_METRES if name not in words] == []
     assert told["Trunk carried forward"] in words
+    _height_corrected(page, told["Trunk carried forward"])
+
+
+def _height_corrected(page: Page, before: str) -> None:
+    """From an address that names a result, as after a choice among several: what is computed anew is looked at without a reload."""
+    address = page.url
+    named = api(page, f"/api/sessions/{address.rsplit('/', 1)[1]}")["recordings"][0]["results"][0]["id"]
+    page.goto(f"{address}?result={named}")
+    shown(page.get_by_text("Correct the height…")).click()
+    page.get_by_label("Trunk sensor above the hips").fill("600")
+    page.get_by_role("button", name="Correct the height", exact=True).click()
+    row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name="Trunk carried forward", exact=True))
+    shown(row.filter(has_not_text=before))
