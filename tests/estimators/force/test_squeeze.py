@@ -1,6 +1,7 @@
 """A squeeze from the readings to the stiffness; how what is held answers to frequencies; work; what a force sensor's readings mean."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ from estimators.trajectory import Trajectory
 from tests.estimators.force.lifted import done, followed
 
 
+@cache
+def spring(seed: int) -> tuple[Simulated, np.ndarray]:
+    """0.6 N/mm, squeezed eight times."""
+    return done(seed, held_object.squeeze, stiffness=600.0)
+
+
 def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figure]:
     event = next(e for e in made.events if e.trial_type == "task")
     found = squeeze.measure(squeeze.Params(), moved or followed(made).trajectory, event.onset, event.end, made.geometry)
@@ -26,7 +33,7 @@ def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figur
 def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
     off, surprise = [], []
     for seed in range(6):
-        made, true = done(seed, held_object.squeeze, stiffness=600.0)
+        made, true = spring(seed)
         moved = followed(made).trajectory
         f = figures(made, moved)
         assert f["squeeze_count"].value == 8
@@ -76,7 +83,7 @@ def test_a_third_finger_that_takes_a_fifth_makes_the_stiffness_as_unsure_as_it_i
 
 
 def test_a_sensor_that_saturates_softly_bends_the_force_over_the_distance_and_that_is_said() -> None:
-    made, _ = done(5, held_object.squeeze)
+    made, _ = spring(5)
     block = made.samples["force"]
     soft = replace(made, samples={**made.samples, "force": Block(block.stream, block.t, 6.0 * np.tanh(block.values / 6.0))})
     K = figures(soft)["squeeze_stiffness"]
