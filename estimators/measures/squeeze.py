@@ -43,6 +43,8 @@ KINDS = kinds(
     Kind("squeeze_damping", "N s/m", "estimated damping of the object along that line", f"{KORTIER}, (6.6)"),
     Kind("squeeze_work", "J", "mean work that the fingers do on the object in a squeeze", f"{KORTIER}, (1.15)"),
     Kind("squeeze_coherence", "1", "how much of the distance's change the force explains, where the force changes; 1 is all", f"{KORTIER}, 6.5.1"),
+    Kind("squeeze_force_bandwidth", "Hz", "frequency below which 95 % of the force's power lies; it should reach as far up as the object answers", f"{KORTIER}, 6.5.1", detail=True),
+    Kind("squeeze_object_bandwidth", "Hz", "frequency at which the object's answer to the force has fallen by 3 dB; not seen where the force does not reach so far", f"{KORTIER}, 6.5.1", detail=True),
     Kind("squeeze_share", "1", "share of the finger in the sum of the sizes of the forces", KORTIER),
 )  # fmt: skip
 
@@ -225,6 +227,7 @@ def figures(r: Squeeze) -> list[Figure]:
     spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
     root = np.sqrt(len(tops))
     gain, lacking = r.params.gain_sd, max(one.untold for one in r.grasps) / 2  # of the push, where one side lacks what is untold
+    answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
         KINDS["squeeze_count"].of(float(len(tops)), 0.0, *told),
         KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, lacking * tops.mean()])), *told),
@@ -233,7 +236,9 @@ def figures(r: Squeeze) -> list[Figure]:
         KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *told),
         *_parameters(r),
         KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *told),
-        KINDS["squeeze_coherence"].of(_coherence(r.grasps), None, *told),
+        KINDS["squeeze_coherence"].of(_seen([c.coherence for c in answers]), None, *told),
+        KINDS["squeeze_force_bandwidth"].of(_seen([c.force_bandwidth for c in answers]), None, *told),
+        KINDS["squeeze_object_bandwidth"].of(_seen([c.load_bandwidth for c in answers]), None, *told),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
         share = np.mean([one.held.shares[:, k].mean() for one in r.grasps])
@@ -241,9 +246,9 @@ def figures(r: Squeeze) -> list[Figure]:
     return made
 
 
-def _coherence(grasps: Sequence[Squeezed]) -> float:
-    each = [one.conditions.coherence for one in grasps if one.conditions]
-    return float(np.mean(each)) if each else float("nan")
+def _seen(each: Sequence[float]) -> float:
+    """The mean of what was seen in all grasps; NaN where it was not."""
+    return float(np.mean(each)) if each and np.isfinite(each).all() else float("nan")
 
 
 def _parameters(r: Squeeze) -> list[Figure]:

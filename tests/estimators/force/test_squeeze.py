@@ -46,6 +46,7 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         surprise.append(((K.value - 600) / K.sd) ** 2)
         assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
         assert f["squeeze_coherence"].value > 0.95
+        assert 0.7 < f["squeeze_force_bandwidth"].value < 6.0  # squeezed every 1.2 s, read at 12 Hz
     so_far = in_hand.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
