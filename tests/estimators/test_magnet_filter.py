@@ -7,6 +7,7 @@ from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
 from estimators.magnet_lateness import FB, SLOW, VS, WAY, WB, earlier, settled, went_on
+from estimators.magnet_loop import vertical
 from estimators.magnet_options import MagnetParams, sizes
 from estimators.magnet_reading import read
 from estimators.quaternions import Array
@@ -49,6 +50,11 @@ def _moved(x: Array, dx: Array) -> Array:
 @looped
 def _widened(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None:  # type: ignore[no-untyped-def]
     mf.widened(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
+
+
+@looped
+def _vertical(s, x: Array, P: Array, now: Array, dt: float) -> Array:  # type: ignore[no-untyped-def]
+    return vertical(s, x, P, now, False, False, dt)
 
 
 def _state() -> Array:
@@ -101,6 +107,39 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
         ahead, behind = (_read(_moved(x, d), way, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
         np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 45 else 1e-9)
+
+
+def _gravity(x: Array) -> tuple[Array, Array]:
+    """What accelerometers of base and target read at rest."""
+    g_b = quat.rotate(quat.conjugate(x[mf.XGB : mf.XGB + 4]), np.array([0.0, 0.0, SIZES.gravity]))
+    return g_b + x[mf.XBA : mf.XBA + 3], quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), g_b) + x[mf.XTA : mf.XTA + 3]
+
+
+@pytest.mark.parametrize("which", ["base", "target", "common"])
+def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
+    """(5.16) of base and target, (5.17). Errors of which little is expected go by slope times what is missed: two readings tell the slope."""
+    x, dt, sure, h = _state(), 1 / 60, 1e-3, 1e-5
+    x[mf.XTA : mf.XTA + 3] *= 0.1
+    x[mf.XBA : mf.XBA + 3] *= 0.1
+    rest = np.concatenate([x[mf.XBG : mf.XBG + 3], _gravity(x)[0], x[mf.XTG : mf.XTG + 3], _gravity(x)[1]])
+    common = rest[3:6] * 1.2  # both are pushed alike: neither reads gravity
+    if which == "common":
+        rest[3:6], rest[9:12] = common, _carried(x, common)
+    at = 3 if which == "base" else 9
+    predicted = {"base": lambda s: _gravity(s)[0], "target": lambda s: _gravity(s)[1], "common": lambda s: _carried(s, common)}[which]
+    sd = SIZES.acc_moving + (0.1 * np.linalg.norm(common) if which == "common" else 0.0)
+    told = sd**2 * SIZES.alike / dt / sure**2
+    for axis in range(3):
+        pushed = rest.copy()
+        pushed[at + axis] += 0.05
+        here, there = (_difference(x, _vertical(SIZES, x, sure**2 * np.eye(46), now, dt)) for now in (rest, pushed))
+        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(46)]
+        np.testing.assert_allclose(told * (there - here) / 0.05, numeric, atol=2e-3)
+
+
+def _carried(x: Array, f_b: Array) -> Array:
+    """What the target's accelerometer reads of the specific force that the base's reads as f_b (3,)."""
+    return quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), f_b - x[mf.XBA : mf.XBA + 3]) + x[mf.XTA : mf.XTA + 3]
 
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
