@@ -1,4 +1,5 @@
-"""`handscope calibrate-strip`: calibrate the sensors of strips from a recording in which they were laid down in six or more positions."""
+"""`handscope calibrate-strip`: calibrate the sensors of strips from a recording in which they were laid down in six or more positions, and magnetometers
+without an inertial sensor from being turned."""
 
 import argparse
 import json
@@ -11,6 +12,8 @@ from app.commands.methods import add_recording
 from app.commands.words import say
 from app.devices import strip_flash
 from app.options import help_text, parse, with_options
+from estimators import magnetometer_plate
+from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.imu_calibration import CALIBRATED
 from estimators.quaternions import Array
@@ -51,13 +54,25 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, Solved], list[str]]:
     """By sensor; and why others could not be solved."""
-    solved, refused = {}, []
+    solved: dict[str, Solved] = {}
+    refused: list[str] = []
     for block in recording.samples.values():
         for k, name in enumerate(block.stream.sensors if block.stream.inertial else ()):
             try:
                 solved[name] = solve(params, name, block.t, block.of(GYR)[:, k], block.of(ACC)[:, k], *_magnetometer(recording, name))
             except InputError as problem:
                 refused.append(str(problem))
+    inertial = {name for block in recording.samples.values() if block.stream.inertial for name in block.stream.sensors}
+    for block in recording.samples.values():
+        alone = [k for k, name in enumerate(block.stream.sensors) if MAG in block.stream.quantities and name not in inertial]
+        if alone:
+            names = [block.stream.sensors[k] for k in alone]
+            q_BS = np.array([recording.mounting.get(name, quat.IDENTITY) for name in names])
+            plate = magnetometer_plate.calibrated(names, block.of(MAG)[:, alone], q_BS)
+            solved |= plate.solved
+            refused += plate.refused
+            if plate.solved:
+                say(f"{', '.join(plate.solved)}: the field has {1e6 * plate.strength:.2f} uT here, that is `earth` of MagnetSetup")
     return solved, refused
 
 
@@ -76,7 +91,8 @@ def _told(name: str, s: Solved) -> list[str]:
         if q in s.residuals
         for before, after in [s.residuals[q]]
     ]
-    return [f"{name}: {s.positions} positions, {s.turns} turns; {'; '.join(left)}", *(f"  not observed: {what}" for what in s.unobserved)]
+    how = f"{s.positions} positions, {s.turns} turns" if s.positions else "turned by hand"
+    return [f"{name}: {how}; {'; '.join(left)}", *(f"  not observed: {what}" for what in s.unobserved)]
 
 
 def _table(recording: LoadedRecording, solved: dict[str, Solved]) -> dict[str, Any]:

@@ -1,0 +1,66 @@
+"""Calibrate magnetometers that have no inertial sensor beside them, rigid on one plate that was turned through all directions.
+
+In      readings (n, magnetometers, 3) T at the same instants, the nominal turn of each against the plate
+Out     Solved by magnetometer: hard and soft iron of each, one strength of the field, axes that agree with the first one's; why others could not be
+Source  magnetometer_sphere.py (Kok & Schoen 2016; Kortier, thesis 5.2.4)
+Limits  how the first is turned against the trunk's inertial sensor stays as its mounting says; a magnetometer alone is its own first
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import quaternions as quat
+from estimators.errors import InputError
+from estimators.imu_calibration import ImuCalibration
+from estimators.magnetometer_sphere import Sphere, common_axes, fitted
+from estimators.quaternions import Array
+from estimators.samples import MAG
+from estimators.six_positions import Solved
+
+AGAINST_GRAVITY = "how the magnetometers are turned against gravity: no inertial sensor was beside them"
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """What turning a plate told."""
+
+    solved: Mapping[str, Solved]  # by magnetometer
+    refused: Sequence[str]
+    strength: float  # T, of the field as all of them now read it; NaN where none was solved
+
+
+def calibrated(names: Sequence[str], mag: Array, q_BS: Array) -> Calibrated:
+    """q_BS (magnetometers, 4) takes vectors from each magnetometer's axes to the plate's, as nominally mounted."""
+    spheres: dict[str, Sphere] = {}
+    refused = []
+    for k, name in enumerate(names):
+        try:
+            spheres[name] = fitted(mag[:, k], name)
+        except InputError as problem:
+            refused.append(str(problem))
+    if not spheres:
+        return Calibrated({}, refused, float("nan"))
+    strength = float(np.mean([s.strength for s in spheres.values()]))
+    rows = [list(names).index(name) for name in spheres]
+    nominal = q_BS[rows]
+    share = {name: strength / s.strength for name, s in spheres.items()}
+    own = np.stack([share[name] * s.corrected(mag[:, k]) for k, (name, s) in zip(rows, spheres.items())], axis=1)
+    turns = common_axes(quat.rotate(nominal, own))[0]
+    apart = quat.matrix(quat.multiply(quat.conjugate(nominal), quat.multiply(turns, nominal)))
+    return Calibrated({name: _solved(s, share[name], R) for (name, s), R in zip(spheres.items(), apart)}, refused, strength)
+
+
+def _solved(s: Sphere, share: float, turn: Array) -> Solved:
+    """With the matrix (3, 3) of the sphere turned, so that all magnetometers of the plate agree."""
+    calibration = ImuCalibration({MAG: share * turn @ s.matrix}, {MAG: s.bias})
+    return Solved(
+        calibration,
+        {MAG: share * s.matrix_sd},
+        {MAG: s.bias_sd},
+        {MAG: (s.before, s.after)},
+        positions=0,
+        turns=0,
+        unobserved=(AGAINST_GRAVITY,),
+    )
