@@ -2,7 +2,8 @@
 
 In      y (n, m) and H (n, m, p) with y = H theta + e, standard deviation of e (n,)
 Out     theta (p,), its covariance: as large as what is left over says, with samples that err alike counted as one
-Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: the thesis' [64], Haykin
+Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: the thesis' [64], Gustafsson 2010, Statistical Sensor
+        Fusion
         Models: mass f_i + f_t = M (g + a) (6.5); spring and damper (f_t - f_i) . e / 2 = K (p0 - p) - D v with e from i to t and p the tips' distance. (6.6) writes
         the difference itself, of two springs in a row (Fig. 6.3); ours is half of it, so that K is that of the whole, as a spring is bought
 Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not seen here: whoever calls adds it
