@@ -20,11 +20,12 @@ class Spread:
 
 @dataclass(frozen=True)
 class Row:
-    """Our figures by column, and what the paper has for the same columns."""
+    """Our figures by column, and what the paper has for the same columns, with its standard deviation over trials where it is printed."""
 
     name: str
     ours: Mapping[str, Spread]
     theirs: Mapping[str, float] = field(default_factory=dict)
+    theirs_sd: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

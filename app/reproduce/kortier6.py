@@ -85,7 +85,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     errors = Table(
         "Error of the mass and of the stiffness, %",
         columns,
-        tuple(Row(held, _columns(results, held, "error"), {"12 Hz": theirs[held][0]}) for held in OBJECTS),
+        tuple(Row(held, _columns(results, held, "error"), {"12 Hz": theirs[held][0]}, {"12 Hz": theirs[held][1]}) for held in OBJECTS),
         "12 Hz",
         "object",
         1,

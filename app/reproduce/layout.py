@@ -69,7 +69,12 @@ def _cells(table: Table, row: Row, with_paper: Sequence[str]) -> Iterator[str]:
     for column in table.columns:
         yield _number(row.ours[column], table.digits) if column in row.ours else "-"
         if column in with_paper:
-            yield f"{row.theirs[column]:.1f}" if column in row.theirs else "-"
+            yield _theirs(row, column) if column in row.theirs else "-"
+
+
+def _theirs(row: Row, column: str) -> str:
+    mean = f"{row.theirs[column]:.1f}"
+    return f"{mean} ± {row.theirs_sd[column]:.1f}" if column in row.theirs_sd else mean
 
 
 def _number(s: Spread, digits: int) -> str:

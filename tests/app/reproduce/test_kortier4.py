@@ -8,7 +8,7 @@ NAMES = (*(f"distance, {p}" for p in PLACES), "length, proximal", "length, middl
 
 def found(percent: float, converged: bool = True) -> Found:
     bound = {"proximal": 0.1, "middle": 0.2}
-    return Found(converged, dict.fromkeys(NAMES, percent), {"proximal": 1.0, "middle": -1.0}, bound, 3.0, 0.5, 0.4, 9.0)
+    return Found(converged, dict.fromkeys(NAMES, percent), {"proximal": 1.0, "middle": -1.0}, bound, 3.0, 2.0, 0.5, 0.4, 9.0)
 
 
 def test_fifteen_trials_of_each_kind_at_most() -> None:
@@ -21,6 +21,7 @@ def test_the_thesis_stands_beside_ours_and_targets_are_judged() -> None:
     told = kortier4.finding(Wanted(seeds=2), results)
     rows = {row.name: row for row in told.tables[0].rows}
     assert rows["distance, proximal"].theirs["skin motion"] == published.KORTIER_FINGER["distance, proximal"][0]
+    assert rows["distance, proximal"].theirs_sd["skin motion"] == published.KORTIER_FINGER["distance, proximal"][1]
     assert rows["length, middle"].ours["white noise"].mean == -0.3
     met = {v.what: v.met for v in told.verdicts}
     assert not met["white noise: largest error of a length"]
