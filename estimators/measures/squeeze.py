@@ -218,7 +218,7 @@ def figures(r: Squeeze) -> list[Figure]:
         return [
             kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *told)
             for what, kind in KINDS.items()
-            if what != "squeeze_share"
+            if what not in ("squeeze_share", "squeeze_force_bandwidth", "squeeze_object_bandwidth")
         ]
     tops, depths, works = (np.concatenate([getattr(one, name) for one in r.grasps]) for name in ("tops", "depths", "work"))
     spans = [float(one.peaks[-1] - one.peaks[0]) for one in r.grasps]
@@ -237,13 +237,21 @@ def figures(r: Squeeze) -> list[Figure]:
         *_parameters(r),
         KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *told),
         KINDS["squeeze_coherence"].of(_seen([c.coherence for c in answers]), None, *told),
-        KINDS["squeeze_force_bandwidth"].of(_seen([c.force_bandwidth for c in answers]), None, *told),
-        KINDS["squeeze_object_bandwidth"].of(_seen([c.load_bandwidth for c in answers]), None, *told),
+        *_bandwidths(answers, told),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
         share = np.mean([one.held.shares[:, k].mean() for one in r.grasps])
         made.append(KINDS["squeeze_share"].of(float(share), 0.03, *told, finger))
     return made
+
+
+def _bandwidths(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[Figure]:
+    """How far up force and answer reach, where that was seen: an answer that goes on as far as the force does is no fault."""
+    each = {
+        "squeeze_force_bandwidth": _seen([c.force_bandwidth for c in answers]),
+        "squeeze_object_bandwidth": _seen([c.load_bandwidth for c in answers]),
+    }
+    return [KINDS[what].of(value, None, *told) for what, value in each.items() if np.isfinite(value)]
 
 
 def _seen(each: Sequence[float]) -> float:

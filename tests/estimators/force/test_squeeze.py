@@ -47,6 +47,7 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         assert f["squeeze_damping"].value == pytest.approx(0.0, abs=3 * (f["squeeze_damping"].sd or 0.0))
         assert f["squeeze_coherence"].value > 0.95
         assert 0.7 < f["squeeze_force_bandwidth"].value < 6.0  # squeezed every 1.2 s, read at 12 Hz
+        assert all(np.isfinite(one.value) for one in f.values())  # a spring answers as far as it is pushed: that is no figure that lacks
     so_far = in_hand.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
