@@ -174,17 +174,22 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
 
 
 def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
-    """(4.15): the root's acceleration is zero on average; this is what tells the vertical."""
+    """(4.15): the root's acceleration is zero on average; this is what tells the vertical, and how large the world is: by gravity.
+
+    Its size grows with the accelerometers' common scale, as noise does in `meeting`: a small world would look like one that stays.
+    """
     c, S = columns(problem.chain), len(problem.chain.sensors)
     stop = min(stop, len(problem))
-    sd = problem.noise.still
+    grown = common_scale(at)
+    sd = problem.noise.still * grown
     read = problem.acc[start:stop]
     R, f = quat.matrix(at.q_GS[start:stop, 0]), _true(at, read)[:, 0]
     r = (np.einsum("tij,tj->ti", R, f) - [0.0, 0.0, GRAVITY]) / sd
     by = np.zeros((stop - start, 3, S, 3))
     by[:, :, 0] = -R @ quat.skew(f) / sd
-    scaled = (R[..., None] * read[:, 0, None, None] / sd).reshape(-1, 3, 9)
-    cols = np.concatenate([c.bias_acc.start + np.arange(3), c.scale_acc.start + np.arange(9)])
+    scaled = -r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    scaled[..., :9] += (R[..., None] * read[:, 0, None, None] / sd).reshape(-1, 3, 9)
+    cols = np.concatenate([c.bias_acc.start + np.arange(3), np.arange(c.scale_acc.start, c.scale_acc.stop)])
     return Terms(start, 1, r, by.reshape(stop - start, 3, -1), np.concatenate([-R / sd, scaled], axis=2), cols)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from estimators import quaternions as quat
+from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
 from estimators.quaternions import Array
 from estimators.self_calibration import residuals
@@ -98,6 +99,23 @@ def test_the_truth_leaves_almost_nothing(skin: bool) -> None:
     assert np.sqrt((white**2).mean()) < (4e-3 if skin else 5e-4)  # m/s^2: the noise was said to be 1
     apart = np.radians(problem.noise.hinge) * residuals.hinging(problem, at, 0, len(problem)).r
     assert np.degrees(np.abs(apart).max()) < (0.1 if skin else 1e-6)
+
+
+def test_a_small_world_gains_nothing_from_a_lively_hand() -> None:
+    """However fast it goes to and fro: gravity tells how large the accelerometers' world is."""
+    problem, at = _somewhere()
+    upright = replace(at, q_GS=np.broadcast_to(quat.IDENTITY, at.q_GS.shape), bias_acc=0 * at.bias_acc)
+    read = np.array([0.0, 0.0, GRAVITY]) + 40.0 * np.array([[1.0, -2, 1], [-2, 1, -1], [0, 0, 0], [2, 1, 1], [-1, 0, -1]])
+    lively = replace(problem, acc=np.repeat(read[:, None], len(problem.chain.sensors), axis=1))
+    costs = [
+        float(
+            (
+                residuals.staying(lively, replace(upright, scale_acc=np.broadcast_to(s * np.eye(3), at.scale_acc.shape)), 0, SAMPLES).r ** 2
+            ).sum()
+        )
+        for s in (-0.5, -0.001, 0.0, 0.001, 0.5)
+    ]
+    assert np.argmin(costs) == 2
 
 
 def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
