@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from estimators.hand_anatomy import SEGMENT, SEGMENTS
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, Block, Stream, every
+from estimators.self_calibration import recordings
 from estimators.self_calibration.recordings import DOUBTFUL, RATE
 
 ROUNDED = 1e-6  # of a period
@@ -83,10 +84,10 @@ def taken(state: State, block: Block) -> State:
 
 
 def ready(state: State, reached: float) -> int:
-    """How many more nodes can be told, whatever comes later, when every stream has `reached` an instant."""
+    """How many more nodes can be told, whatever comes later, when every stream has `reached` an instant: a mean needs the next one, too."""
     if not reached > state.begin:
         return 0
-    return max(0, int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each) - state.taken)
+    return max(0, int(np.floor((reached - state.begin) / state.period + ROUNDED) / state.each) - _beside(state) - state.taken)
 
 
 def resumed(state: State, t: float) -> State:
@@ -97,7 +98,8 @@ def resumed(state: State, t: float) -> State:
 
 def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
     """The next nodes; a sensor silent for longer than `max_gap` s is lost until it is back."""
-    first, n = state.taken * state.each, count * state.each
+    beside = _beside(state)
+    first, n = (state.taken - beside) * state.each, (count + 2 * beside) * state.each
     grid = np.asarray(state.begin + state.period * (first + np.arange(n)), float)
     values, doubt = np.full((n, len(SEGMENTS), 6), np.nan), np.ones((n, len(SEGMENTS), 2))
     lost = np.ones((n, len(SEGMENTS)), bool)
@@ -107,14 +109,29 @@ def given(state: State, count: int, max_gap: float) -> tuple[State, Nodes]:
                 s = SEGMENT[name]
                 values[:, s], doubt[:, s], lost[:, s] = _even(w, k, grid, state.period, max_gap)
     noisier = 1 / np.sqrt(state.each * state.period * RATE)
+    own = slice(beside, beside + count)
+    means, doubts = (v.reshape(count + 2 * beside, state.each, *v.shape[1:]).mean(axis=1) for v in (values, doubt))
+    gone = np.asarray(lost.reshape(count + 2 * beside, state.each, -1).any(axis=1))
     nodes = Nodes(
         state.instants(state.taken, state.taken + count),
-        values.reshape(count, state.each, *values.shape[1:]).mean(axis=1),
-        noisier * doubt.reshape(count, state.each, *doubt.shape[1:]).mean(axis=1),
-        np.asarray(lost.reshape(count, state.each, -1).any(axis=1)),
+        _at_middles(means, gone, state.each)[own],
+        noisier * doubts[own],
+        gone[own],
     )
     kept = {name: _pruned(w, float(grid[-1])) for name, w in state.waiting.items()}
     return replace(state, taken=state.taken + count, waiting=kept), nodes
+
+
+def _beside(state: State) -> int:
+    """Nodes on either side of a mean that tell how the signal bends."""
+    return int(state.each > 1)
+
+
+def _at_middles(means: Array, lost: NDArray[np.bool_], each: int) -> Array:
+    """As `recordings.at_middles`, but where a neighbour is lost means (m, segments, 6) are taken as they are."""
+    alone = np.ones(lost.shape, bool)
+    alone[1:-1] = lost[:-2] | lost[2:]
+    return np.where(alone[..., None], means, recordings.at_middles(means, each))
 
 
 def _even(w: Waiting, k: int, grid: Array, period: float, max_gap: float) -> tuple[Array, Array, NDArray[np.bool_]]:
