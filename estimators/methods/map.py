@@ -84,7 +84,7 @@ def solve(
     for k, name in enumerate(wanted):
         try:
             links, silent = recordings.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
-            said += words.silence(name, silent)
+            said += words.silence(name, silent, any(recordings.clipped(blocks, s, start, stop) for s in silent[:1]))
             t, read = recordings.readings(blocks, links.sensors, start, stop)
             done = _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
             finger = _calibrated(params, recording, name, links, t, read, done)

@@ -65,6 +65,15 @@ def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -
     return links, ()
 
 
+def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> bool:
+    """Whether a sensor gives samples, but more than half of them stand at a limit."""
+    block, k = next(
+        (b.between(start, stop), b.stream.sensors.index(sensor)) for b in blocks if b.stream.inertial and sensor in b.stream.sensors
+    )
+    whole = [every(np.isfinite(block.of(quantity)[:, k])).mean() > 0.5 for quantity in (GYR, ACC)] if len(block.t) else [False]
+    return all(whole) and any(_sound(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC))
+
+
 def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
     """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
     values = block.of(quantity)[:, k : k + 1]

@@ -52,15 +52,25 @@ def used(start: float, stop: float, whole: float) -> list[str]:
     return said
 
 
-def silence(finger: str, silent: Sequence[str]) -> list[str]:
-    """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left."""
+def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
+    """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left.
+
+    `clipped`: the first is silent for it was at its limit all the time.
+    """
     if not silent:
         return []
     if silent[0] in ("hand", LIMBS[finger][0]):
+        if clipped:
+            raise InputError(
+                f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; set a larger range, or move more slowly, and record again; it is not calibrated"
+            )
         raise InputError(f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated")
-    return [
-        f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {', '.join(silent)}, find out why and record again"
-    ]
+    without = ", ".join(silent)
+    if clipped:
+        return [
+            f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; it is calibrated without {without}, set a larger range, or move more slowly, and record again"
+        ]
+    return [f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {without}, find out why and record again"]
 
 
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:
@@ -148,7 +158,7 @@ def _doubted(problem: Problem) -> list[str]:
     for name, seat_sd, length, length_sd in zip(problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd):
         if length_sd > 1e-3 * problem.noise.length:
             said.append(
-                f"the length of {name} was given as {1e3 * length:.0f} mm, movement says otherwise by {1e3 * length_sd:.0f} mm: measure it again; what movement says is used"
+                f"the length of {name} is {1e3 * length:.0f} mm by the hand's measures, movement says otherwise by {1e3 * length_sd:.0f} mm: measure again; what movement says is used"
             )
         if seat_sd > np.radians(problem.noise.mounting):
             said.append(

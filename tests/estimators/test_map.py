@@ -183,6 +183,15 @@ def test_a_finger_of_which_the_first_sensor_is_silent_is_refused_by_name() -> No
         process(METHOD, METHOD.Params(), _with(recording, values))
 
 
+def test_a_sensor_that_was_at_its_limit_most_of_the_time_is_told_from_a_silent_one() -> None:
+    recording = recorded(2, 16.0, skin=True)
+    block = recording.samples["imu"]
+    narrow = replace(block, stream=replace(block.stream, full_scale={**block.stream.full_scale, "acc": 6.0}))
+    recording = replace(recording, samples={"imu": narrow})
+    with pytest.raises(InputError, match="index: the sensor of hand was at its limit in more than half of its samples; set a larger"):
+        process(METHOD, METHOD.Params(), recording)
+
+
 def test_an_event_says_when_the_hand_moved_freely() -> None:
     recording = replace(recorded(2, 16.0, skin=True), events=(Event(3.0, 4.0, "free_movement"),))
     with pytest.raises(InputError, match=r"4\.0 s of movement"):
