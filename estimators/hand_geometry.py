@@ -9,7 +9,7 @@ Limits  the palm is flat and rigid; a derived length is as good as the ratio (95
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -117,6 +117,27 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
         outer = m.finger_length.get(finger)
         lengths |= _phalanges(finger, m.segment_length, outer, FINGER_LENGTH[finger] * length, tissue[finger])
     return HandGeometry(hand, lengths, _joint_positions(hand, m, lengths["hand"], breadth), tissue, lengths["hand"], m.told())
+
+
+def with_found(geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0) -> HandGeometry:
+    """The hand with lengths (m) of a finger, or of the forearm, that movement told; the others of it are off by a share.
+
+    A last phalanx that was measured stays, of a finger whose total was measured it is what is left, else it grows as its finger did.
+    """
+    chain = CHAINS.get(limb, (limb,))
+    rest = {s: geometry.lengths[s] for s in chain if s not in found}
+    if found and chain[-1] in rest and chain[-1] not in geometry.measured:
+        rest[chain[-1]] = _last_length(geometry, limb, found)
+    return replace(geometry, lengths={**geometry.lengths, **found, **{s: length * (1 + off) for s, length in rest.items()}})
+
+
+def _last_length(geometry: HandGeometry, finger: str, found: Mapping[str, float]) -> float:
+    """Of a finger's last phalanx beside the others as they were found, m."""
+    chain, given = CHAINS[finger], geometry.lengths
+    grown = given[chain[-1]] * sum(found.values()) / sum(given[s] for s in found)
+    counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(found)  # the thumb's metacarpal is not of its length
+    left = given[chain[-1]] - sum(found[s] - given[s] for s in counted)
+    return left if finger in geometry.measured and left >= PLAUSIBLE["segment"][0] else grown
 
 
 def hand_length(m: HandMeasures) -> float:

@@ -4,7 +4,7 @@ In      inertial samples of the hand and of fingers of which at least the first 
 Out     Calibration (seats, biases, lengths) at the stretch's beginning; Trajectory: the stretch as it was found, the rest tracked as `m2` does from there
 Source  Kortier, thesis ch. 4; estimators/self_calibration
 Limits  how the sensors of forearm and hand sit, and the last phalanges' about a finger's axis, is told by no movement: there the nominal mounting
-        holds, so the zeros of the wrist and of the MCP and DIP joints' flexion are as good as the mounting; last phalanges' lengths by ratio
+        holds, so the zeros of the wrist and of the MCP and DIP joints' flexion are as good as the mounting; last phalanges' lengths by ratio, or what is left of a finger's measured one
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ from estimators.calibration import Calibration
 from estimators.errors import InputError
 from estimators.finding import whole_streams
 from estimators.hand_anatomy import CHAINS, CHILDREN, DEVIATION, FINGERS, FLEXION, IS_DOF, JOINT, PARENTS, SEGMENT, SEGMENTS, side_sign
-from estimators.hand_geometry import HandGeometry, root_joint
+from estimators.hand_geometry import HandGeometry, root_joint, with_found
 from estimators.methods import m2
 from estimators.options import option
 from estimators.quaternions import Array
@@ -183,16 +183,9 @@ def _described(params: Params, recording: Recording, finger: str, t: Array, foun
         recording.hand,
         recording.mounting,
         np.radians(params.mounting),
-        lambda drawn, luck: _sized(recording.geometry, LIMBS[finger], drawn.lengths, params.length_guess * luck),
+        lambda drawn, luck: with_found(recording.geometry, finger, drawn.lengths, params.length_guess * luck),
     )
     return Finger(finger, t, found, told, sure)
-
-
-def _sized(geometry: HandGeometry, chain: Sequence[str], found: Mapping[str, float], off: float) -> HandGeometry:
-    """A hand with these lengths of one finger; the others are off by a share, the last phalanx grows as its finger did."""
-    grown = sum(found.values()) / sum(geometry.lengths[s] for s in found) if found else 1.0
-    rest = {s: geometry.lengths[s] * (1 + off) * (grown if s == chain[-1] else 1.0) for s in chain if s not in found}
-    return replace(geometry, lengths={**geometry.lengths, **found, **rest})
 
 
 def _part(progress: Callable[[float], None], begun: float, share: float) -> Callable[[float], None]:
@@ -276,14 +269,11 @@ def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[s
 
 
 def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
-    """Lengths that were found; a last phalanx grows as its finger did."""
-    lengths = dict(geometry.lengths)
+    """With the lengths that movement told."""
     for finger in fingers:
         known = {s: v for s, v in finger.segments.lengths.items() if findings.known(params, finger, s)}
-        if known:
-            lengths[CHAINS[finger.name][-1]] *= sum(known.values()) / sum(geometry.lengths[s] for s in known)
-        lengths |= known
-    return replace(geometry, lengths=lengths)
+        geometry = with_found(geometry, finger.name, known)
+    return geometry
 
 
 def _with_found(tracked: Trajectory, geometry: HandGeometry, fingers: Sequence[Finger]) -> Trajectory:

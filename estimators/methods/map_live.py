@@ -15,6 +15,7 @@ from estimators import hand_pose, trajectory
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import CHAINS, FINGERS, JOINT, SEGMENT
+from estimators.hand_geometry import with_found
 from estimators.methods import ekf
 from estimators.options import option
 from estimators.quaternions import Array
@@ -159,7 +160,7 @@ def _given_out(params: Params, state: State, rows: Trajectory) -> Trajectory:
             q_GB[inside, SEGMENT[name]] = quat.multiply(q_GB[inside, SEGMENT["hand"]], on_hand)
         joints, k = np.array([JOINT[j] for j in finger.chain.joints]), FINGERS.index(finger.name)
         angles_sd[inside[:, None], joints] = finger.sure.angles[joints]
-        geometry = window_fingers.sized(geometry, finger.name, finger.lengths)
+        geometry = with_found(geometry, finger.name, finger.lengths)
         reach = geometry.palm_length + sum(geometry.lengths[s] for s in CHAINS[finger.name])
         wrist = np.nanmax(np.nan_to_num(angles_sd[inside, JOINT["wrist"]]), axis=1, keepdims=True)
         tips_sd[inside, k] = np.hypot(finger.sure.tip, wrist * reach)

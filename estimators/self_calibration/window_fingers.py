@@ -14,7 +14,7 @@ from estimators import forward_kinematics, joint_angles
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
-from estimators.hand_geometry import HandGeometry
+from estimators.hand_geometry import with_found
 from estimators.quaternions import Array
 from estimators.self_calibration import posterior, segments, sliding_window
 from estimators.self_calibration.certainty import DRAWS
@@ -96,14 +96,6 @@ def stepped(setting: Setting, finger: Finger, nodes: Nodes, q_GS: Array, sd: Arr
 def given_up(finger: Finger) -> Finger:
     """A sensor is silent: what is known of parameters stays."""
     return Finger(finger.name, finger.chain, known=finger.window or finger.known)
-
-
-def sized(geometry: HandGeometry, finger: str, found: Mapping[str, float], off: float = 0.0) -> HandGeometry:
-    """A hand with these lengths of a finger; the others are off by a share, the last phalanx grows as its finger did."""
-    links = CHAINS[finger]
-    grown = sum(found.values()) / sum(geometry.lengths[s] for s in found) if found else 1.0
-    rest = {s: geometry.lengths[s] * (1 + off) * (grown if s == links[-1] else 1.0) for s in links if s not in found}
-    return replace(geometry, lengths={**geometry.lengths, **found, **rest})
 
 
 def _begun(setting: Setting, finger: Finger, read: Readings, q_GS: Array, sd: Array, in_pose: bool) -> Window:
@@ -221,7 +213,7 @@ def _moved(setting: Setting, finger: Finger, found: Solution, pose: Array, luck:
     for name, of_segment in on_hand.items():
         q[SEGMENT[name]] = of_segment[0]
     angles = np.where(IS_DOF, joint_angles.of_segments(q), 0.0)
-    geometry = sized(setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck)
+    geometry = with_found(setting.calibration.geometry, finger.name, lengths, setting.length_guess * luck)
     return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[FINGERS.index(finger.name)]
 
 

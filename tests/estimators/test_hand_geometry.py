@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, FINGERS
-from estimators.hand_geometry import RATIOS, HandMeasures, measures_from, root_joint, sized, table_of
+from estimators.hand_geometry import RATIOS, HandMeasures, measures_from, root_joint, sized, table_of, with_found
 
 LENGTH = st.floats(0.14, 0.22)
 TABLES = st.fixed_dictionaries(
@@ -131,3 +131,27 @@ def test_a_table_of_another_shape_is_refused(table: Mapping[str, Any]) -> None:
 def test_phalanges_longer_than_their_finger_are_refused() -> None:
     with pytest.raises(InputError, match="index"):
         sized("left", HandMeasures(finger_length={"index": 0.05}, segment_length={"index_proximal": 0.06}))
+
+
+def test_a_last_phalanx_is_what_the_others_leave_of_a_measured_finger_and_grows_where_none_was() -> None:
+    found = {"index_proximal": 0.046, "index_middle": 0.026}
+    derived, total, bone = (
+        sized("left", HandMeasures(**measures))  # type: ignore[arg-type]
+        for measures in ({}, {"finger_length": {"index": 0.095}}, {"segment_length": {"index_distal": 0.019}})
+    )
+    size = {s: derived.lengths[s] for s in CHAINS["index"]}
+    grown = size["index_distal"] * 0.072 / (size["index_proximal"] + size["index_middle"])
+    assert with_found(derived, "index", found).lengths["index_distal"] == pytest.approx(grown)
+    whole = with_found(total, "index", found)
+    assert sum(whole.lengths[s] for s in CHAINS["index"]) + whole.tip_tissue["index"] == pytest.approx(0.095)
+    assert with_found(bone, "index", found).lengths["index_distal"] == 0.019
+    assert with_found(bone, "index", found, off=0.05).lengths["index_distal"] == pytest.approx(0.019 * 1.05)
+    too_long = {"index_proximal": 0.06, "index_middle": 0.04}  # of that finger nothing would be left
+    assert with_found(total, "index", too_long).lengths["index_distal"] > total.lengths["index_distal"]
+
+
+def test_a_thumbs_metacarpal_is_not_counted_to_its_measured_length() -> None:
+    total = sized("right", HandMeasures(finger_length={"thumb": 0.065}))
+    found = with_found(total, "thumb", {"thumb_metacarpal": 0.05, "thumb_proximal": 0.033}).lengths
+    assert found["thumb_proximal"] + found["thumb_distal"] + total.tip_tissue["thumb"] == pytest.approx(0.065)
+    assert with_found(total, "forearm", {}).lengths == total.lengths
