@@ -33,7 +33,7 @@ from estimators.trajectory import Flag, Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
-BEGUN = "map is an experiment (docs/methods.md)"
+TRIED = "self-calibration (map) was tried on simulated recordings only (docs/methods.md)"
 ALONE = (
     "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
     " first phalanges' lengths may be off by several of their standard deviations"
@@ -220,7 +220,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         geometry=geometry,
         source="self-calibration",
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
-        warnings=(BEGUN,),
+        warnings=(TRIED,),
         p_BS=_first_of(fingers, lambda f: _placed(params, f, _places(f, geometry))),
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
         q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
