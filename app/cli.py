@@ -40,7 +40,14 @@ class Parser(argparse.ArgumentParser):
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code."""
+    """Run a command; the exit code. Ctrl-C ends it without a word at any time, while its modules are being read, too."""
+    try:
+        return _done(words)
+    except KeyboardInterrupt:
+        return 130
+
+
+def _done(words: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"handscope {software_version()}")
@@ -58,8 +65,6 @@ def main(words: Sequence[str] | None = None) -> int:
     except InputError as mistake:
         print(f"handscope {arguments.verb}: {mistake}", file=sys.stderr)  # noqa: T201  the user's answer
         return 2
-    except KeyboardInterrupt:
-        return 130
     except Exception as problem:
         from sessions.full_disk import FULL, is_full
 

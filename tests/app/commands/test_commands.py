@@ -235,3 +235,13 @@ def test_info_and_export_open_what_was_exported(simulated: Path, tmp_path: Path,
     assert "initial_pose" in told
     before, after = formats.load(simulated), formats.load(tmp_path / "again.zip")
     np.testing.assert_array_equal(before.samples["imu"].values, after.samples["imu"].values)
+
+
+def test_ctrl_c_before_a_command_has_begun_ends_it_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its modules take seconds to be read on a busy machine."""
+
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.cli.import_module", interrupted)
+    assert main(["info", "nothing"]) == 130
