@@ -47,6 +47,13 @@ def test_hard_and_soft_iron_are_found_with_honest_standard_deviations() -> None:
     assert 0.8 < np.mean(squares) < 1.2  # 360 of them
 
 
+def test_slopes_of_the_sphere_are_differences() -> None:
+    rng = np.random.default_rng(5)
+    x, z, h = np.array([1.0, 0.9, 1.1, *0.1 * rng.normal(size=6)]), rng.normal(size=(8, 3)), 1e-6
+    numeric = np.stack([(sphere._off(x + d, z) - sphere._off(x - d, z)) / (2 * h) for d in h * np.eye(9)], axis=1)
+    np.testing.assert_allclose(sphere._slopes(x, z), numeric, atol=1e-8)
+
+
 def test_a_field_of_unknown_strength_keeps_the_readings_own() -> None:
     rng = np.random.default_rng(1)
     found = sphere.fitted(_turned(300, rng) * 1.02 + 5e-6)
