@@ -2,10 +2,13 @@
 
 In      sizes of the forces (n, S) N at times t (n,), NaN where not known
 Out     Grasps: onset and end
-Source  Kortier, thesis 6.3: a threshold detector acting on the sum of measured forces; two thresholds, so that it does not chatter: ours
-Limits  with one force sensor a push at the table looks like a grasp
+Source  Kortier, thesis 6.3: a threshold detector acting on the sum of measured forces; two thresholds, so that it does not chatter: ours.
+        Ours as well: where thumb and others push at once the weaker side counts twice, which in a pinch is the sum; a sensor whose zero has jumped
+        goes on pushing alone, and holds nothing
+Limits  with one force sensor, or where one side tells nothing all the time, a push at the table looks like a grasp
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,17 +36,31 @@ class Grasp:
     end: float  # s
 
 
-def grasps(params: ContactParams, t: Array, sizes: Array) -> list[Grasp]:
-    """Every stretch in which the fingertips hold something, in order."""
+def grasps(params: ContactParams, t: Array, sizes: Array, thumb: int | None = None) -> list[Grasp]:
+    """Every stretch in which the fingertips hold something, in order; `thumb` is the column of whoever the others push against."""
     total = np.nansum(sizes, axis=1)
-    held = _with_hysteresis(total, params.grasp, params.release)
+    stretches = _stretches(params, t, total)
+    if thumb is not None and sizes.shape[1] > 1:
+        opposed = _stretches(params, t, 2 * np.minimum(np.nan_to_num(sizes[:, thumb]), np.nansum(np.delete(sizes, thumb, axis=1), axis=1)))
+        alone = [g for g in stretches if not any(o.onset < g.end and g.onset < o.end for o in opposed)]
+        stretches = sorted([*opposed, *alone], key=lambda g: g.onset)
+    return [g for g in stretches if g.end - g.onset >= params.shortest]
+
+
+def _stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
+    """Where the signal is above the thresholds, over short pauses, however short."""
     found: list[Grasp] = []
-    for a, b in runs(held):
+    for a, b in runs(_with_hysteresis(total, params.grasp, params.release)):
         onset, end = _crossing(t, total, a, params.release), _crossing(t, total, b + 1, params.release)
         if found and onset - found[-1].end < params.pause:
             onset = found.pop().onset
         found.append(Grasp(onset, end))
-    return [g for g in found if g.end - g.onset >= params.shortest]
+    return found
+
+
+def thumb_among(fingers: Sequence[str]) -> int | None:
+    """The column of the thumb, None where it has no sensor."""
+    return fingers.index("thumb") if "thumb" in fingers else None
 
 
 def inside(t: Array, found: list[Grasp]) -> NDArray[np.bool_]:

@@ -33,6 +33,7 @@ FAR = 1.0  # N from the level at rest
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
 UNUSED = "torques without forces of the same fingertip are not used"
 LEAST = 8  # force samples of a sensor that is used
+SETTLED, BEHIND = 0.3, 1.0  # s behind a grasp until fingers have let go, and then looked at
 LOST = 1.0  # s without a force sample, beyond which no force is told
 
 
@@ -68,12 +69,13 @@ def attached(
     read = [_read(params, s.block, moved.t) for s in sensors]
     force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
     q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
-    found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2))
+    found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
     unknown = (params.tip_sd**2 + params.cuff_sd**2) * DEG**2
     turn, inertial, covariance = *np.zeros((2, *force.shape[:2], 3)), np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1))
     known = np.asarray(np.isfinite(q_GF).all(axis=2))
-    for grasp in found:
+    for grasp, following in zip(found, [*found[1:], None]):
         a, b = np.searchsorted(moved.t, [grasp.onset, grasp.end])
+        flags[a:b, _left_reading(params, sensors, read, moved.t, grasp, following)] |= np.uint8(ForceFlag.DRIFT)
         here = np.flatnonzero(known[a:b].all(axis=0))
         if b - a > 3 and len(here) >= 2:
             told = tip_orientation.corrected(params, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
@@ -276,6 +278,19 @@ def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_
         return np.zeros(len(at), bool)
     k = np.clip(np.searchsorted(t, at, side="right"), 1, len(t) - 1)
     return np.asarray(limited[k] | limited[k - 1])
+
+
+def _left_reading(
+    params: ForceParams, sensors: Sequence[Sensor], read: Sequence[_Read], at: Array, grasp: Grasp, following: Grasp | None
+) -> NDArray[np.bool_]:
+    """Which sensors (S,) go on behind a grasp with a force beyond doubt while another reads nothing: their zero jumped as they held."""
+    start, stop = grasp.end + SETTLED, grasp.end + SETTLED + BEHIND
+    behind = [r.free[(s.block.t > start) & (s.block.t < stop)] for s, r in zip(sensors, read)]
+    if (following and following.onset < stop) or at[-1] < stop or min(len(free) for free in behind) < LEAST:
+        return np.zeros(len(sensors), bool)
+    shares, rows = np.array([free.mean() for free in behind]), (at > start) & (at < stop)
+    left = [np.linalg.norm(np.median(r.force[rows], axis=0)) / np.sqrt(3.0) / np.median(r.sd[rows]) for r in read]
+    return np.asarray((shares == 0) & (shares.max() > 0.5) & (np.array(left) > params.doubt))
 
 
 def _cuffs(

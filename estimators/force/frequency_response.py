@@ -54,7 +54,10 @@ class Conditions:
         said = (
             (self.independent, "the movement is not explained by the measured force alone"),
             (self.wide, "the force did not change fast enough to show how the object answers"),
-            (self.passive, "energy came out of what should be passive: something else moved it"),
+            (
+                self.passive,
+                "energy came out of what should be passive: something else moved it, or the forces are told later than the movement",
+            ),
         )
         return tuple(words for held, words in said if held is False)
 

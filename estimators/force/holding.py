@@ -89,6 +89,7 @@ class Holding:
         return "; ".join(words for flag, words in FORCE_WORDS.items() if present & flag)
 
 
+UNREAD = ForceFlag.MISSING | ForceFlag.SATURATED  # forces that nobody read
 UNSURE = int(ForceFlag.MISSING | ForceFlag.SATURATED | ForceFlag.DRIFT | ForceFlag.UNBALANCED | ForceFlag.UNORIENTED)
 
 
@@ -105,7 +106,8 @@ def holdings(params: ContactParams, trajectory: Trajectory, geometry: HandGeomet
     if not fingers or trajectory.forces is None:
         return []
     sizes = np.linalg.norm(trajectory.forces[:, [FINGERS.index(f) for f in fingers]], axis=2)
-    return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in contact.grasps(params, trajectory.t, sizes)]
+    found = contact.grasps(params, trajectory.t, sizes, contact.thumb_among(fingers))
+    return [_holding(trajectory.between(g.onset, g.end), fingers, geometry) for g in found]
 
 
 def untold_share(h: Holding, used: NDArray[np.bool_]) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimators.force import exchange, holding, identification
 from estimators.force.contact import ContactParams
-from estimators.force.holding import UNSURE, Holding
+from estimators.force.holding import UNREAD, UNSURE, Holding
 from estimators.force.identification import Running
 from estimators.gravity import GRAVITY
 from estimators.hand_geometry import HandGeometry
@@ -191,7 +191,7 @@ def figures(r: Lift) -> list[Figure]:
         if what not in ("lift_count", "force_share") and (turning or what != "lift_work_turning"):
             made.append(_mean(kind, [e[what] for e in each], told))
     for k, finger in enumerate(r.lifts[0].held.fingers if r.lifts else ()):
-        shares = [(float(one.held.shares[one.off, k].mean()), 0.03) for one in r.lifts]
+        shares = [(np.nan if _unread(one) else float(one.held.shares[one.off, k].mean()), 0.03) for one in r.lifts]
         made.append(_mean(KINDS["force_share"], shares, told, finger))
     return made
 
@@ -220,10 +220,15 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
         float(exchange.work(t[up], v[up])[-1]) if v is not None else np.nan for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
+    if np.isnan(one.mass):  # the sum of the forces is not known: nor is what it did
+        load = work = np.nan
+    if _unread(one):
+        grip, rise = np.nan, np.full(1, np.nan)
+    top = grip if np.isnan(grip) else float(h.grip.max())
     return {
         "lift_mass": (one.mass, one.mass_sd),
         "lift_grip_hold": (grip, grip_sd),
-        "lift_grip_max": (float(h.grip.max()), grip_sd),
+        "lift_grip_max": (top, grip_sd),
         "lift_load_hold": (load, load_sd),
         "lift_grip_over_load": (grip / load, grip / load * float(np.hypot(grip_sd / grip, load_sd / load))),
         "lift_time_to_lift": (float(first - t[0]), 0.1),
@@ -234,6 +239,11 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
         "lift_work": (work, abs(work) * float(np.hypot(load_sd / load, height_sd / height))),
         "lift_work_turning": (turned, turned_sd),
     }
+
+
+def _unread(one: Lifted) -> bool:
+    """Whether forces are missing while the object is off the table."""
+    return bool((one.held.flags[one.off] & UNREAD).any())
 
 
 def lifting_work(h: Holding, up: NDArray[np.bool_]) -> float:

@@ -16,7 +16,7 @@ from scipy.signal import find_peaks
 from estimators.force import exchange, frequency_response, holding, identification
 from estimators.force.contact import ContactParams
 from estimators.force.frequency_response import Conditions
-from estimators.force.holding import UNSURE, Holding
+from estimators.force.holding import UNREAD, UNSURE, Holding
 from estimators.force.identification import Fit, Running
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
@@ -226,6 +226,11 @@ def figures(r: Squeeze) -> list[Figure]:
     sd = float(np.mean([0.5 * np.sqrt((one.held.sd**2).mean(axis=0).sum() / 3) for one in r.grasps]))
     spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
     root = np.sqrt(len(tops))
+    unread = any((one.held.flags & UNREAD).any() for one in r.grasps)  # the tops of the force are not known
+    if unread:
+        tops, spread = np.full(len(tops), np.nan), np.nan
+    if unread or _gives_back(r):
+        works = np.full(len(tops), np.nan)
     gain, lacking = r.params.gain_sd, max(one.untold for one in r.grasps) / 2  # of the push, where one side lacks what is untold
     answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
@@ -240,9 +245,14 @@ def figures(r: Squeeze) -> list[Figure]:
         *_bandwidths(answers, told),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
-        share = np.mean([one.held.shares[:, k].mean() for one in r.grasps])
+        share = np.nan if unread else np.mean([one.held.shares[:, k].mean() for one in r.grasps])
         made.append(KINDS["squeeze_share"].of(float(share), 0.03, *told, finger))
     return made
+
+
+def _gives_back(r: Squeeze) -> bool:
+    """Whether energy seems to come out of what is held: neither damping nor work can be told."""
+    return any(one.conditions is not None and one.conditions.passive is False for one in r.grasps)
 
 
 def _bandwidths(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[Figure]:
@@ -270,6 +280,8 @@ def _parameters(r: Squeeze) -> list[Figure]:
     scatter = 1 / np.sqrt(weights.sum(axis=0))
     alike = max(_alike(r.params, one.untold, one.bent) for one in r.grasps if one.fit)
     sd = np.hypot(scatter, [alike * values[0], np.hypot(alike * values[1], r.params.timing * values[0])])
+    if _gives_back(r):
+        values[1] = np.nan
     return [kind.of(float(v), float(s), r.grade, r.reason) for kind, v, s in zip(K, values, sd)]
 
 

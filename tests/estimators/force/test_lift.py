@@ -211,7 +211,7 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
         ("third finger", "forces do not balance"),
         ("limit told", "force sensor at its limit"),
         ("limit not told", "force sensor at its limit"),
-        ("step", "forces do not balance"),
+        ("step", "force sensor drifts"),
         ("lost", "force samples missing"),
         ("dead", "forces do not balance"),
         ("exchanged", "forces do not balance"),
@@ -230,6 +230,10 @@ def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None
     assert found.grade == "poor"
     assert said in found.reason
     assert [one for one in found.lifts if np.isfinite(one.mass)] == []
+    f = {x.name: x for x in lift.figures(found)}
+    untold = {name for name, x in f.items() if np.isnan(x.value)}
+    assert {"lift_load_hold", "lift_grip_over_load", "lift_work"} <= untold
+    assert ("lift_grip_hold" in untold) == ("thumb_force_share" in untold) == (what in ("limit told", "limit not told", "lost"))
 
 
 def test_a_third_finger_that_carries_a_seventh_is_told_and_the_mass_is_as_unsure_as_it_is_wrong() -> None:

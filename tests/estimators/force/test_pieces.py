@@ -88,6 +88,17 @@ def test_a_grasp_is_from_touch_to_release_and_a_flicker_none() -> None:
     assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
 
 
+def test_a_sensor_whose_zero_jumped_does_not_go_on_holding_and_one_that_is_dead_lets_the_other_tell() -> None:
+    t = np.arange(0.0, 12.0, 0.01)
+    size = np.linalg.norm(pushes(t), axis=2)
+    jumped = np.hstack([size + 0.5 * (t > 5.0)[:, None], size])
+    for sizes in (jumped, jumped[:, ::-1]):
+        (found,) = contact.grasps(contact.ContactParams(), t, sizes, 0)
+        assert (found.onset, found.end) == pytest.approx((4.04, 6.98), abs=0.03)
+    (found,) = contact.grasps(contact.ContactParams(), t, np.hstack([size, 0 * size]), 0)
+    assert (found.onset, found.end) == pytest.approx((4.05, 6.95), abs=0.03)
+
+
 def held(heading: float, n: int = 200) -> tuple[Tips, Array]:
     """Two tips that hold 0.3 kg between them; the second's heading is told wrong by `heading` rad. Also the true forces."""
     rng, t = np.random.default_rng(4), 0.02 * np.arange(n)

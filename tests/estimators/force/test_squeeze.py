@@ -14,7 +14,7 @@ from estimators.samples import Block
 from estimators.simulation import held_object
 from estimators.simulation.held_object import Mishap
 from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Trajectory
+from estimators.trajectory import ForceFlag, Trajectory
 from tests.estimators.force.lifted import done, followed
 
 
@@ -55,16 +55,37 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
     assert np.mean(surprise) < 2.5
 
 
-def test_a_damper_is_told_from_a_spring_and_from_what_moves_by_itself() -> None:
+@cache
+def damped() -> tuple[Simulated, Trajectory]:
     made, _ = done(1, held_object.squeeze, stiffness=400.0, damping=60.0)
-    moved = followed(made).trajectory
-    f = figures(made, moved)
+    return made, followed(made).trajectory
+
+
+def test_a_damper_is_told_from_a_spring() -> None:
+    f = figures(*damped())
     assert f["squeeze_damping"].value == pytest.approx(60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0))
     assert f["squeeze_stiffness"].value == pytest.approx(400.0, rel=0.2)
     assert f["squeeze_stiffness"].reason == ""
+
+
+def untold(f: dict[str, Figure]) -> set[str]:
+    return {name for name, one in f.items() if np.isnan(one.value)}
+
+
+def test_what_seems_to_give_energy_back_has_no_damping() -> None:
+    """Forces that come later by 0.25 s: the object seems to move first."""
+    made, moved = damped()
     assert moved.forces is not None
-    later = replace(moved, forces=np.roll(moved.forces, 25, axis=0))  # by 0.25 s: the object seems to move first
-    assert "energy came out" in figures(made, later)["squeeze_stiffness"].reason
+    f = figures(made, replace(moved, forces=np.roll(moved.forces, 25, axis=0)))
+    assert "energy came out" in f["squeeze_stiffness"].reason
+    assert untold(f) == {"squeeze_damping", "squeeze_work"}
+
+
+def test_forces_that_were_not_read_have_no_tops() -> None:
+    made, moved = damped()
+    assert moved.force_flags is not None
+    full = replace(moved, force_flags=moved.force_flags | np.uint8(ForceFlag.SATURATED))
+    assert {"squeeze_force", "squeeze_work", "squeeze_stiffness", "thumb_squeeze_share"} <= untold(figures(made, full))
 
 
 def test_with_a_third_finger_no_stiffness_is_told() -> None:
