@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from estimators import forward_kinematics, initial_pose, joint_angles, salchow, trajectory
+from estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, trajectory
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
@@ -101,7 +101,7 @@ def solve(
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     moved = _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers)
-    return _over_the_wrist(moved, calibration.geometry), [calibration], said
+    return _over_the_wrist(params, moved, calibration.geometry), [calibration], said
 
 
 def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> tuple[float, float, list[str]]:
@@ -212,6 +212,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
                 q_GS[name], bias[name] = quat.multiply(onto, at.q_GS[0, s]), at.bias_gyr[s]
         q_BS |= finger.segments.q_BS
     geometry = _resized(params, recording.geometry, fingers)
+    nearest = sorted(fingers, key=lambda f: float(np.linalg.norm(_end(f, geometry))))
     return replace(
         known,
         q_GS=q_GS,
@@ -221,10 +222,10 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         source="self-calibration",
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
         warnings=(TRIED,),
-        p_BS=_first_of(fingers, lambda f: _placed(params, f, _places(f, geometry))),
+        p_BS=_first_of(nearest, lambda f: _placed(params, f, _places(f, geometry))),
         acc_bias={n: f.solution.at.bias_acc[s] for f in reversed(fingers) for s, n in enumerate(f.solution.problem.chain.sensors)},
         q_BS_sd=_first_of(fingers, lambda f: f.sure.q_BS),
-        p_BS_sd=_first_of(fingers, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
+        p_BS_sd=_first_of(nearest, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
         gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
         acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
         lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if findings.known(params, f, s)},
@@ -232,7 +233,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
 
 
 def _first_of(fingers: Sequence[Finger], known: Callable[[Finger], Mapping[str, Array]]) -> dict[str, Array]:
-    """By segment; of the hand as the first finger has it."""
+    """By segment; of the hand as the first of these fingers has it."""
     return {s: value for f in reversed(fingers) for s, value in known(f).items()}
 
 
@@ -249,8 +250,7 @@ def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     """Where the sensors sit from their segments' origins: the hand's is MCP 3, a last phalanx' the end of its bone, the forearm's the wrist."""
     found = dict(finger.segments.p_BS)
-    ends = geometry.joint_positions[root_joint(finger.name)] if finger.name in CHAINS else (0.0, 0.0, 0.0)
-    found["hand"] = found["hand"] + np.subtract(ends, geometry.joint_positions["middle_mcp"])
+    found["hand"] = found["hand"] + _end(finger, geometry)
     if finger.name in CHAINS:
         last = finger.solution.problem.chain.sensors[-1]
         along = geometry.lengths[last] if last == CHAINS[finger.name][-1] else np.nan  # a joint that no sensor shows
@@ -258,13 +258,19 @@ def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
     return {s: p for s, p in found.items() if np.isfinite(p).all()}
 
 
+def _end(finger: Finger, geometry: HandGeometry) -> Array:
+    """Where a finger, or the forearm, hangs on the hand (3,) m, from the hand's origin."""
+    ends = geometry.joint_positions[root_joint(finger.name)] if finger.name in CHAINS else (0.0, 0.0, 0.0)
+    return np.subtract(ends, geometry.joint_positions["middle_mcp"])
+
+
 def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
-    """(3,) m; the last phalanx' is counted from an end that no movement shows."""
-    if finger.name not in CHAINS:
-        return dict(finger.sure.p_BS)
-    last = finger.solution.problem.chain.sensors[-1]
-    end = np.array([0.0, params.length_guess * geometry.lengths[last], 0.0])
-    sds = {**finger.sure.p_BS, last: np.hypot(finger.sure.p_BS[last], end)}
+    """(3,) m; the hand's is counted from MCP 3, the last phalanx' from an end that no movement shows."""
+    off = params.length_guess * float(np.linalg.norm(_end(finger, geometry)))
+    sds = {**finger.sure.p_BS, "hand": np.hypot(finger.sure.p_BS["hand"], off)}
+    if finger.name in CHAINS:
+        last = finger.solution.problem.chain.sensors[-1]
+        sds[last] = np.hypot(sds[last], [0.0, params.length_guess * geometry.lengths[last], 0.0])
     return {s: sds[s] for s in _places(finger, geometry)}
 
 
@@ -319,8 +325,8 @@ def _with_deviations(params: Params, moved: Trajectory, fingers: Sequence[Finger
     return replace(moved, angles_sd=angles, tips_sd=tips, flags=flags)
 
 
-def _over_the_wrist(moved: Trajectory, geometry: HandGeometry) -> Trajectory:
-    """Tips are told in the wrist's frame: where it is followed they are as uncertain as its angles, too."""
+def _over_the_wrist(params: Params, moved: Trajectory, geometry: HandGeometry) -> Trajectory:
+    """Tips are told in the wrist's frame: they are as uncertain as its angles, where it is followed, and as the fingers' roots, which no movement tells."""
     assert moved.angles_sd is not None and moved.tips_sd is not None
     angles, tips = np.where(IS_DOF, moved.angles, 0.0), moved.tips_sd
     for axis in (FLEXION, DEVIATION):
@@ -328,7 +334,9 @@ def _over_the_wrist(moved: Trajectory, geometry: HandGeometry) -> Trajectory:
         turned[:, JOINT["wrist"], axis] += moved.angles_sd[:, JOINT["wrist"], axis]
         here, there = (forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned))
         tips = np.hypot(tips, np.nan_to_num(there - here))  # an unknown wrist counts as neutral
-    return replace(moved, tips_sd=tips)
+    turn = quat.matrix(joint_angles.compose(np.nan_to_num(angles[:, JOINT["wrist"]])))
+    of_roots = length_errors.covariance(geometry, params.length_guess)[:, :3, :3]
+    return replace(moved, tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn))))
 
 
 def _at(t: Array, known: Array, q: Array) -> Array:

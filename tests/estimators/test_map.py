@@ -76,6 +76,11 @@ def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -
     moved, truth, found = processed.trajectory, gapped.truth, processed.calibrations[0]
     assert moved.angles_sd is not None and moved.tips_sd is not None
     inside = (moved.t > 3.5) & (moved.t < 15.9)
+    root = 0.05 * np.abs(
+        gapped.geometry.joint_positions["index_mcp"]
+    )  # of where the finger hangs on the hand nothing is told by its movement
+    assert (moved.tips_sd[inside, 1] >= root - 1e-9).all()
+    assert np.linalg.norm(found.p_BS_sd["hand"]) > 0.05 * np.linalg.norm(np.subtract(*_roots(gapped)))
     for joint, largest in (("index_mcp", 6.0), ("index_pip", 2.0), ("index_dip", 6.0)):
         off, sd = ((a[inside, JOINT[joint], FLEXION]) for a in (moved.angles - truth.angles, moved.angles_sd))
         assert np.sqrt(np.mean((off / sd) ** 2)) < 3.0
@@ -85,6 +90,10 @@ def test_what_is_told_of_errors_holds(processed: Processed, gapped: Simulated) -
         assert (np.abs(found.p_BS[name] - gapped.sensors.p_BS[k]) < 3.5 * found.p_BS_sd[name]).all()
         assert found.p_BS_sd[name].max() < 1e-3
     assert np.isfinite(moved.tips_sd[:, 1]).all() and moved.tips_sd[inside, 1].max() < 0.02
+
+
+def _roots(made: Simulated) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    return made.geometry.joint_positions["index_mcp"], made.geometry.joint_positions["middle_mcp"]
 
 
 def test_where_fingers_have_no_skin_the_hand_is_not_believed_to_have_any() -> None:
