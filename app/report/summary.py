@@ -19,6 +19,7 @@ from estimators.measures.figure import Figure
 
 WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
 NAMED = 5  # joints or tasks at most that a sentence names
+LEAST_VOLUME = 1e-4  # m^3 of the places reached, below which a sentence says nothing: a reach to and fro on one line spans none
 
 
 def summary(content: Content, language: Language) -> list[str]:
@@ -153,7 +154,7 @@ def _reach(content: Content, language: Language) -> list[str]:
 def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
     """The volume of the places that were reached, the trunk's lean and how far that carried it; what is not known is left out."""
     volume, lean, forward = (_mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward"))
-    said = [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))] if np.isfinite(volume) else []
+    said = [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))] if volume >= LEAST_VOLUME else []
     if np.isfinite(lean):
         key = "summary.reach.trunk" if np.isfinite(forward) else "summary.reach.lean"
         facts = {"forward": language.number(1e2 * forward)} if np.isfinite(forward) else {}

@@ -84,6 +84,7 @@ def _reached(*figures: tuple[str, float, str]) -> Task:
     [
         ((), "trunk's sensor."),
         ((("trunk_lean", 0.1, ""),), "trunk's sensor. The trunk leans 6° meanwhile."),
+        ((("volume", 4e-5, ""), ("trunk_lean", 0.1, "")), "trunk's sensor. The trunk leans 6° meanwhile."),  # to and fro on one line
         (
             (("volume", 0.0123, ""), ("trunk_lean", 0.1, ""), ("trunk_forward", 0.04, "")),
             "trunk's sensor. The places reached span 12.3 litres. The trunk leans 6° meanwhile, which carries its sensor 4 cm forward.",
