@@ -171,28 +171,33 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
     alike: dict[tuple[float, tuple[str, ...]], list[StreamFacts]] = {}
     for s in content.recording.streams:
         alike.setdefault((s.rate, s.quantities), []).append(s)
+    losses = {_lost(streams, language) for streams in alike.values()}
+    once = len(losses) == 1 and len(alike) > 1
+    rows = [[language.say("streams" if len(s) > 1 else "stream"), _streams(s, language, told=not once)] for s in alike.values()]
     return [
-        *([language.say("streams" if len(streams) > 1 else "stream"), _streams(streams, language)] for streams in alike.values()),
+        *rows,
+        *([language.say("streams.all"), lost] for lost in losses if once),
         [language.say("task_samples"), "; ".join(flagged) if flagged else language.say("unflagged")],
     ]
 
 
-def _streams(streams: Sequence[StreamFacts], language: Language) -> str:
-    """Streams of the same rate and quantities together."""
-    counts = [s.lost for s in streams if s.lost is not None]
-    unknown = len(counts) < len(streams)
-    return language.say(
+def _streams(streams: Sequence[StreamFacts], language: Language, told: bool) -> str:
+    """Streams of the same rate and quantities together; what was lost is `told` of each where they differ in it."""
+    words = language.say(
         "streams.of",
         names=", ".join(language.known(f"part.{s.name}", s.name) for s in streams),
         sensors=sum(len(s.sensors) for s in streams),
         rate=f"{streams[0].rate:g}",
         samples=language.number(sum(s.samples for s in streams)),
-        lost=language.say("losses.unknown")
-        if unknown
-        else language.say("losses", count=language.number(sum(counts)))
-        if sum(counts)
-        else language.say("losses.none"),
     )
+    return f"{words}, {_lost(streams, language)}" if told else words
+
+
+def _lost(streams: Sequence[StreamFacts], language: Language) -> str:
+    counts = [s.lost for s in streams if s.lost is not None]
+    if len(counts) < len(streams):
+        return language.say("losses.unknown")
+    return language.say("losses", count=language.number(sum(counts))) if sum(counts) else language.say("losses.none")
 
 
 def _provenance(content: Content, language: Language) -> list[list[str]]:
