@@ -18,10 +18,12 @@ from estimators.errors import InputError
 from estimators.force.contact import runs
 from estimators.force.interpolation import noise_of
 from estimators.hinge_axes import common_rotation
+from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
 from estimators.magnetometer_sphere import Sphere, fitted
 from estimators.quaternions import Array
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
+SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
 NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
 MAINS = (50.0, 60.0)  # Hz
 STANDS_OUT = 5.0  # times the spectrum beside it
@@ -38,6 +40,16 @@ class Turned:
     mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
     left: Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+
+    @property
+    def gains(self) -> Array:
+        """Sizes of corrected readings over those of readings as they came (magnetometers,)."""
+        return np.array([float(np.cbrt(np.linalg.det(s.matrix))) for s in self.spheres])
+
+    @property
+    def read(self) -> float:
+        """Strength of the field as it was read, T, in the middle of the magnetometers."""
+        return float(np.median([s.strength for s in self.spheres] / self.gains))
 
     def corrected(self, mag: Array) -> Array:
         """Readings (n, magnetometers, 3) in T, each in its own right-handed axes."""
@@ -57,15 +69,44 @@ class Looked:
     missing: float  # share of readings
 
 
-def in_tesla(mag: Array, unit: str, earth: float | None) -> Array:
-    """Readings in T; `earth` T is needed of normalised ones."""
+def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
+    """Readings in T of a unit, or of counts of so many T; `earth` T is needed of normalised ones."""
+    if not isinstance(unit, str):
+        if not unit > 0:
+            raise InputError(f"The array's unit is {unit:g} T a count; it is larger than 0.")
+        return np.asarray(mag * unit)
+    unit = SAME.get(unit, unit)
     if unit == NORMALISED:
         if earth is None:
             raise InputError("Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`.")
         return np.asarray(mag * earth)
     if unit not in UNITS:
-        raise InputError(f"There is no unit {unit!r} of a magnetometer; units are {', '.join((*UNITS, NORMALISED))}.")
+        raise InputError(
+            f"There is no unit {unit!r} of a magnetometer; units are {', '.join((*UNITS, NORMALISED))}, or of counts a number: T of one count."
+        )
     return np.asarray(mag * UNITS[unit])
+
+
+def require_sense(earth: float | None, moment: float | None, limit: float | None, place_sd: float, calibration_sd: float | None) -> None:
+    """InputError where what is told of an array is none in T, A m^2 and m."""
+    if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
+        raise InputError(f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T.")
+    if moment is not None and not WEAKEST <= moment <= STRONGEST:
+        raise InputError(
+            f"A moment of {moment:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
+        )
+    if limit is not None and not limit > 0:
+        raise InputError(f"The array's limit is told as {limit:g}; it is the largest reading of an axis, in the unit of the table.")
+    if not 0 <= place_sd <= 0.02:
+        raise InputError(f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m.")
+    if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
+        raise InputError(f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T.")
+
+
+def units_that_fit(strength: float, unit: str | float) -> list[str]:
+    """Units with which a field read as `strength` T would be the earth's."""
+    read = strength / (unit if isinstance(unit, (int, float)) else UNITS.get(SAME.get(unit, unit), 1.0))
+    return [u for u, size in UNITS.items() if 22e-6 <= read * size <= 67e-6]
 
 
 def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:

@@ -39,7 +39,8 @@ class Located:
     moment_sd: Array  # (n, 3) A m^2
     left: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
-    found: NDArray[np.bool_]  # (n,) explained to within three of them, and known better than `sure`
+    disputed: NDArray[np.bool_]  # (n,) the size told is off by more than three of its standard deviations
+    found: NDArray[np.bool_]  # (n,) explained to within three of them, not disputed, and known better than `sure`
 
 
 @dataclass(frozen=True)
@@ -87,21 +88,29 @@ def located(
     y = quat.rotate(array.q_bl, mag)
     background = np.full((len(y), 3), np.nan) if field is None else np.broadcast_to(field, (len(y), 3))
     good = np.isfinite(y).all(axis=(1, 2)) & (np.isfinite(background).all(axis=1) | (field is None))
-    out = np.full((len(y), 9), np.nan), np.full((len(y), 9), np.nan), np.full(len(y), np.nan), np.full(len(y), np.nan)
+    out = *np.full((2, len(y), 9), np.nan), *np.full((2, len(y)), np.nan), np.zeros(len(y))
     rows = np.flatnonzero(good)
     for part in np.array_split(rows, max(1, -(-len(rows) // PIECE))):
         known, alike = None if field is None else background[part], np.ones((len(part), len(array)))
         values = _solved(Told(y[part], array.places, known, size, noise, size_sd, alike), reach, regions, place_sd) if len(part) else ()
         for whole, piece in zip(out, values):
             whole[part] = piece
-    x, sd, left, misfit = out
+    x, sd, left, misfit, dispute = out
     distance = np.linalg.norm(x[:, None, :3] - array.places, axis=-1).min(axis=1)
-    found = (told > unknowns) & np.isfinite(misfit) & (misfit < 3) & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
-    return Located(x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, found)
+    found = (
+        (told > unknowns)
+        & np.isfinite(misfit)
+        & (misfit < 3)
+        & (dispute < 3)
+        & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
+    )
+    return Located(
+        x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, dispute >= 3, found
+    )
 
 
-def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Array, Array, Array, Array]:
-    """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations."""
+def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Array, Array, Array, Array, Array]:
+    """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations, by how many of its own the size told is off (n,)."""
     starts = _starts(told, reach, regions)  # (n, many, 9)
     n, many = starts.shape[:2]
     each = told.repeated(many)
@@ -118,13 +127,14 @@ def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Ar
     r, A = _residuals(x[best], told)
     _, s, Vt = np.linalg.svd(A, full_matrices=False)
     variance = (Vt**2 / np.maximum(s, 1e-9)[..., None] ** 2).sum(axis=1)
+    dispute = np.zeros(n) if told.size is None else np.abs(r[:, -1])
     r = r[:, : told.y[0].size].reshape(told.y.shape)
     misfit, left = np.sqrt((r**2).mean(axis=(1, 2))), told.noise * np.sqrt(((r * told.louder[..., None]) ** 2).mean(axis=(1, 2)))
     scale = np.repeat([1.0, 1.0, told.noise], 3) if told.field is None else np.ones(6)
     sd = np.zeros((n, 9))
     sd[:, : A.shape[2]] = np.sqrt(variance) * np.maximum(1.0, misfit)[:, None] * scale
     sd[:, :3] = np.where(rival > 5 * np.linalg.norm(sd[:, :3], axis=1), rival, 0.0)[:, None] + sd[:, :3]
-    return x[best], sd, left, misfit
+    return x[best], sd, left, misfit, dispute
 
 
 def _by_places(x: Array, told: Told, place_sd: float) -> Array:

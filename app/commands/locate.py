@@ -1,7 +1,7 @@
 """`handscope locate`: where a magnet is, reading by reading, from the recording of any magnetometer array; docs/magnet-array.md."""
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +9,13 @@ import numpy as np
 from app.commands.words import say
 from estimators import magnet_array, magnet_localisation, magnet_setup
 from estimators.errors import InputError
-from estimators.magnet_array import Looked, Turned
+from estimators.magnet_array import Turned
 from estimators.magnet_localisation import Located
+from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST, Constellation
 from estimators.quaternions import Array
 from estimators.samples import MAG
 from sessions import array_table, formats
-from sessions.array_table import Described
+from sessions.array_description import Described, described
 from sessions.number_table import NumberTable
 from sessions.writing import save_file
 
@@ -23,7 +24,10 @@ COLUMNS = (
     *("field_x", "field_y", "field_z", "left", "found"),
 )
 MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
+UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
+RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
+TRIED = 200  # readings that are looked at once more without the moment told
 FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
 
 
@@ -31,6 +35,22 @@ FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places
 class Read:
     t: Array  # (n,) s
     mag: Array  # (n, magnetometers, 3) T
+
+
+@dataclass(frozen=True)
+class Search:
+    """Calibrated readings and where they were taken."""
+
+    mag: Array  # (n, magnetometers, 3) T
+    array: Constellation
+    noise: float  # T
+    place_sd: float  # m
+
+    def located(self, size: float | None, size_sd: float) -> Located:
+        regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
+        return magnet_localisation.located(
+            self.mag, self.array, None, size, self.noise, size_sd=size_sd, regions=regions, place_sd=self.place_sd
+        )
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -54,40 +74,47 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    array = array_table.described(arguments.array)
+    array = described(arguments.array)
+    magnet_array.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd)
     read = _read(arguments.recording, array)
     limit = None if array.limit is None else float(magnet_array.in_tesla(np.array(array.limit), array.unit, array.earth))
     looked = magnet_array.looked(read.t, read.mag, limit)
     mag = np.where(looked.limited[..., None], np.nan, read.mag)
-    q_bl, left, told = array.q_bl, 0.0, magnet_array.sentences(array.names, looked)
+    q_bl, left, gains, told = array.q_bl, 0.0, np.ones(len(array.names)), magnet_array.sentences(array.names, looked)
     if arguments.turned:
         found = magnet_array.turned(_read(arguments.turned, array).mag, array.names, array.earth)
-        mag, q_bl, left = found.corrected(mag), found.q_bl, float(np.sqrt((found.left**2).mean()))
+        _require_unit(found.read, array.unit, arguments.turned.name)
+        mag, q_bl, left, gains = found.corrected(mag), found.q_bl, float(np.sqrt((found.left**2).mean())), found.gains
         told += _calibrated(array, found)
     else:
-        told.append("not calibrated: iron on the board and turned chips are not seen; record the array turned by hand and give --turned")
-    noise = float(np.hypot(np.median(looked.noise), left))
-    constellation = magnet_setup.constellation(array.places, q_bl)
+        left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
+        told.append(
+            f"not calibrated: iron on the board and turned chips are not seen, {1e6 * left:.2g} uT an axis are counted for them; record the array turned by hand "
+            "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"
+        )
+    noise = max(float(np.hypot(np.median(looked.noise * gains), left)), 1e-8)
+    told += _slow(read)
+    search = Search(mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
-    regions = MANY_REGIONS if len(constellation) <= FEW else magnet_localisation.REGIONS
-    located = magnet_localisation.located(
-        mag, constellation, None, array.moment, max(noise, 1e-8), size_sd=size_sd, regions=regions, place_sd=array.place_sd
-    )
+    located = search.located(array.moment, size_sd)
+    doubted = _moment_doubted(search, array.moment, located) + _calibration_unknown(array, bool(arguments.turned))
+    if doubted:  # what agrees with what is told by chance is no place
+        located = replace(located, found=np.zeros_like(located.found))
     table = np.column_stack(
         [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
     )
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
-    for sentence in told:
+    for sentence in [*told, *_strange(array, mag, located), *doubted]:
         say(f"warning: {sentence}")
-    for sentence in _answer(read, looked, located, noise):
+    for sentence in _answer(read, located, noise):
         say(sentence)
     return 0
 
 
 def _read(path: Path, array: Described) -> Read:
     """The readings of the array's magnetometers on one time base, T."""
-    if path.suffix in array_table.SUFFIXES:
-        table = array_table.table(path)
+    if path.suffix.lower() in array_table.SUFFIXES and not path.name.endswith("_motion.tsv"):
+        table = array_table.table(path, array)
         known, t, times = table.readings, table.t, table.times
         values = {name: magnet_array.in_tesla(v, array.unit, array.earth) for name, v in known.items()}
     else:
@@ -118,12 +145,11 @@ def _calibrated(array: Described, found: Turned) -> list[str]:
     return said
 
 
-def _answer(read: Read, looked: Looked, located: Located, noise: float) -> list[str]:
+def _answer(read: Read, located: Located, noise: float) -> list[str]:
     """In words: how often a place was found and how well."""
     found = located.found
     said = [
         f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * noise:.2g} uT an axis",
-        *_strange(located),
     ]
     if not found.any():
         return [*said, f"no magnet is found: {_why(located, noise)}"]
@@ -135,15 +161,75 @@ def _answer(read: Read, looked: Looked, located: Located, noise: float) -> list[
     ]
 
 
-def _strange(located: Located) -> list[str]:
-    """A sentence where what is left without the magnet is no earth's field: places do not tell a wrong unit, moments are as wrong."""
-    strength = np.linalg.norm(located.field, axis=1)
-    strength = strength[np.isfinite(strength)]
-    if not len(strength) or magnet_setup.EARTH_WEAKEST <= np.median(strength) <= magnet_setup.EARTH_STRONGEST:
+def _require_unit(read: float, unit: str | float, name: str) -> None:
+    """InputError where the field read while the array was turned is no earth's."""
+    if not EARTH_WEAKEST <= read <= EARTH_STRONGEST:
+        raise InputError(
+            f"{name}: the array read {1e6 * read:.3g} uT while it was turned; the earth's field is 22 to 67 uT. {_unit_asked(read, unit)}"
+        )
+
+
+def _unit_asked(read: float, unit: str | float) -> str:
+    fitting = magnet_array.units_that_fit(read, unit)
+    told = f"{unit:g} T a count" if isinstance(unit, (int, float)) else unit
+    return f"The unit is told as {told}: is it {' or '.join(fitting)}?" if fitting else f"Is the unit told, {told}, that of the table?"
+
+
+def _slow(read: Read) -> list[str]:
+    """A sentence where the times can hardly be seconds."""
+    rate = (len(read.t) - 1) / float(read.t[-1] - read.t[0]) if len(read.t) > 1 else RATES[0]
+    if RATES[0] <= rate <= RATES[1]:
+        return []
+    return [f"{rate:.3g} readings a second: are the times in s? The array's file tells another unit of them as `time`"]
+
+
+def _strange(array: Described, mag: Array, located: Located) -> list[str]:
+    """Sentences where what is left without the magnet is no earth's field, or the magnet none for a hand: places do not tell a wrong unit."""
+    said = []
+    explained = located.misfit < 3
+    read = np.linalg.norm(
+        located.field[explained] if explained.any() else mag, axis=-1
+    )  # nothing explained: that of the quieter magnetometers
+    field = float(np.nanquantile(read, 0.5 if explained.any() else 0.25))
+    if not EARTH_WEAKEST <= field <= EARTH_STRONGEST:
+        said.append(
+            f"without the magnet {1e6 * field:.3g} uT are left (median), the earth's field is 22 to 67 uT. {_unit_asked(field, array.unit)} "
+            "Moments are as wrong as it is; or the field was taken off, or iron is on the board or near"
+        )
+    if located.found.any():
+        size = float(np.median(np.linalg.norm(located.moment[located.found], axis=1)))
+        if not WEAKEST <= size <= STRONGEST:
+            said.append(
+                f"a moment of {size:.3g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}): is the unit that of the table, and are the "
+                "magnetometers' places in m? Places ten times too large make moments a thousand times too large"
+            )
+    return said
+
+
+def _calibration_unknown(array: Described, turned: bool) -> list[str]:
+    """A sentence where a few magnetometers may never have been calibrated: iron and turned chips then look like a magnet somewhere."""
+    if turned or array.calibration_sd is not None or len(array.names) >= FEW:
         return []
     return [
-        f"warning: without the magnet {1e6 * np.median(strength):.3g} uT are left (median), the earth's field is 22 to 67 uT: "
-        "is the unit that of the table? moments are as wrong as it is; or iron is on the board or near"
+        f"{len(array.names)} magnetometers are too few to see by themselves that they were never calibrated: no place is told as found until --turned or `calibration_sd` is"
+    ]
+
+
+def _moment_doubted(search: Search, moment: float | None, located: Located) -> list[str]:
+    """A sentence where readings contradict the moment told: they are looked at without it."""
+    if moment is None or len(search.array) < 4 or located.found.mean() > 0.5:
+        return []
+    some = np.flatnonzero(np.isfinite(search.mag).all(axis=(1, 2)))
+    free = replace(search, mag=search.mag[some[:: max(1, len(some) // TRIED)]]).located(None, 1.0) if len(some) else None
+    if free is None or free.found.mean() < 0.1:
+        return []
+    size = float(np.median(np.linalg.norm(free.moment[free.found], axis=1)))
+    if abs(size / moment - 1) < 0.2:
+        return []
+    field = float(np.median(np.linalg.norm(free.field[free.found], axis=1)))
+    return [
+        f"the readings contradict the moment told, {moment:g} A m^2: without it they are those of a magnet of {size:.3g} A m^2 in a field of {1e6 * field:.3g} uT. "
+        "Is the moment right, is the unit that of the table, and are the magnetometers' places in m?"
     ]
 
 

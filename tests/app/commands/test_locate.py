@@ -12,6 +12,8 @@ from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.quaternions import Array
 from estimators.simulation.magnetic_field import MagneticField, homogeneous
+from sessions import array_table
+from sessions.array_description import described
 
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03], [0.05, 0.06, 0.0]])
 CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes
@@ -19,6 +21,7 @@ CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes
 )  # the fourth is left-handed: x and y exchanged
 HARD = 1e-6 * np.random.default_rng(4).normal(size=(5, 3)) * 20
 RATE, NOISE = 60.0, 0.1e-6
+HEADER = ",".join(["t", *(f"m{k}_{axis}" for k in range(5) for axis in "xyz")])
 
 
 def _table(path: Path, B: Array, rng: np.random.Generator, extra: Array | None = None) -> Array:
@@ -26,8 +29,7 @@ def _table(path: Path, B: Array, rng: np.random.Generator, extra: Array | None =
     read = np.einsum("kij,nkj->nki", CHIPS, B) + HARD + NOISE * rng.normal(size=B.shape)
     read = 1e4 * (read if extra is None else read + extra)
     t = np.arange(len(B)) / RATE
-    header = ",".join(["t", *(f"m{k}_{axis}" for k in range(5) for axis in "xyz")])
-    np.savetxt(path, np.column_stack([t, read.reshape(len(B), -1)]), delimiter=",", header=header, comments="", fmt="%.7f")
+    np.savetxt(path, np.column_stack([t, read.reshape(len(B), -1)]), delimiter=",", header=HEADER, comments="", fmt="%.7f")
     return read
 
 
@@ -94,22 +96,29 @@ def test_without_calibration_it_is_said(bench: tuple[Path, Path, Array, Array], 
     assert "not calibrated" in capsys.readouterr().out
 
 
-def test_a_wrong_unit_is_suspected(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_unit_and_a_wrong_moment_are_named(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
     """Gauss told as mT: ten times as much, the place the same, the moment ten times too large."""
     folder, board, B, _ = bench
     _table(folder / "magnet.csv", B[:20], np.random.default_rng(2))
-    board.write_text(board.read_text().replace('"G", "moment": 0.32', '"mT"'))
-    assert np.median(_located(folder, board)["moment_x"]) > 3.0
-    assert "is the unit that of the table?" in capsys.readouterr().out
+    told = board.read_text()
+    board.write_text(told.replace("0.32", "0.032"))
+    assert _located(folder, board)["found"].max() < 0.5
+    assert "the readings contradict the moment told, 0.032 A m^2: without it they are those of a magnet of 0.3" in capsys.readouterr().out
+    board.write_text(told.replace('"G", "moment": 0.32', '"mT"'))
+    words = ["locate", str(folder / "magnet.csv"), "--array", str(board), "--out", str(folder / "no.tsv")]
+    assert main([*words, "--turned", str(folder / "turned.csv")]) == 2
+    assert "The unit is told as mT: is it G?" in capsys.readouterr().err and not (folder / "no.tsv").exists()
+    assert main(words) == 0
+    assert "The unit is told as mT: is it G?" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("words", "header", "row"),
     [
         ("first line must name the columns", "a,b", "1,2"),
-        ("line 2: 3 columns", "t,m0_x,m0_y,m0_z", "0,1,2"),
-        ("could not convert", "t,m0_x,m0_y,m0_z", "0,1,2,x"),
-        ("increase", "t,m0_x,m0_y,m0_z", "0,1,2,3\n0,1,2,3"),
+        ("line 2: 15 columns", HEADER, ",".join(15 * ["0"])),
+        ("could not convert", HEADER, "x" + 15 * ",0"),
+        ("increase; 0 comes after 0.", HEADER, "0" + 15 * ",1" + "\n0" + 15 * ",1"),
         ("no magnetometer 'm1'", "t,m0_x,m0_y,m0_z", "0,1,2,3\n1,1,2,3"),
     ],
 )
@@ -118,6 +127,25 @@ def test_a_table_that_is_none_is_refused(words: str, header: str, row: str, tmp_
     assert main(["locate", str(tmp_path / "a.csv"), "--array", str(_board(tmp_path / "b.json")), "--out", str(tmp_path / "o.tsv")]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "o.tsv").exists()
+
+
+def test_tables_of_other_benches_are_read(tmp_path: Path) -> None:
+    """Decimal commas, a comment, names of one's own, text beside; and none of that: no header, no time, all x before all y."""
+    each = {f"m{k}": {"place": [0.1 * k, 0, 0], "columns": [f"B{axis}{k}" for axis in "xyz"]} for k in range(2)}
+    (tmp_path / "a.json").write_text(json.dumps({"unit": "µT", "time": {"column": "clock", "unit": "us"}, "magnetometers": each}))
+    names = "note;clock;Bx0;By0;Bz0;Bx1;By1;Bz1"
+    (tmp_path / "a.TXT").write_text(f"# bench\n{names}\nrun;5000;1,5;2;3;4;5;6;\nrun;7500;7;8;;10;11;12;\n")
+    read = array_table.table(tmp_path / "a.TXT", described(tmp_path / "a.json"))
+    np.testing.assert_allclose(read.t, [0, 2.5e-3])
+    np.testing.assert_array_equal(read.readings["m0"], [[1.5, 2, 3], [7, 8, np.nan]])
+    each = {f"m{k}": {"place": [0.1 * k, 0, 0], "columns": [1 + k, 3 + k, 5 + k]} for k in range(2)}
+    (tmp_path / "b.json").write_text(json.dumps({"unit": 6e-9, "rate": 50, "magnetometers": each}))
+    (tmp_path / "b.dat").write_text("1 2  3 4 5 6\n7 8 9 10 11 12\n")
+    told = described(tmp_path / "b.json")
+    read = array_table.table(tmp_path / "b.dat", told)
+    np.testing.assert_allclose(read.t, [0, 0.02])
+    np.testing.assert_array_equal(read.readings["m1"], [[2, 4, 6], [8, 10, 12]])
+    np.testing.assert_allclose(magnet_array.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8)
 
 
 def test_units_and_clocks() -> None:

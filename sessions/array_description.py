@@ -1,0 +1,119 @@
+"""What a person tells of a magnetometer array in a JSON file: places, unit, where its columns stand; docs/magnet-array.md."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.quaternions import Array
+
+PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
+ISO = "iso"
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
+ENTRIES = ("unit", "earth", "limit", "moment", "place_sd", "calibration_sd", "time", "rate", "magnetometers")
+OF_EACH = ("place", "q_bl", "columns")
+Column = str | int  # its name, or its number counted from 1
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How the rows of a table follow each other."""
+
+    column: Column = "t"
+    unit: str = "s"
+    rate: float | None = None  # Hz, of rows that are evenly spaced: no column is read
+
+    @property
+    def seconds(self) -> float:
+        return SECONDS[self.unit]
+
+
+@dataclass(frozen=True)
+class Described:
+    unit: str | float  # a unit's name, or T of one count
+    names: tuple[str, ...]
+    places: Array  # (magnetometers, 3) m
+    q_bl: Array | None  # (magnetometers, 4)
+    earth: float | None  # T
+    limit: float | None  # in `unit`
+    moment: float | None  # A m^2
+    place_sd: float  # m
+    calibration_sd: float | None  # T, of readings that are calibrated already
+    time: Timing
+    columns: Mapping[str, tuple[Column, ...]]  # x, y, z of those that tell them
+
+
+def described(path: Path) -> Described:
+    """Read it; InputError says what is wrong in it."""
+    try:
+        told = json.loads(path.read_text("utf-8"))
+        return _described(told)
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise InputError(
+            f'{path.name} does not describe an array: give {{"unit": "uT", "magnetometers": {{"m1": {{"place": [x, y, z] in metres}}, ...}}}} ({problem})'
+        ) from problem
+
+
+def _described(told: Mapping[str, Any]) -> Described:
+    each = told["magnetometers"]
+    if not each:
+        raise InputError("The array's file names no magnetometer.")
+    _refuse_others(told, ENTRIES, "the array's file")
+    for name, one in each.items():
+        _refuse_others(one, OF_EACH, f"magnetometer {name!r}")
+    places = np.array([[_finite(v, f"place of {name}") for v in one["place"]] for name, one in each.items()])
+    turns = [one.get("q_bl") for one in each.values()]
+    if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
+        raise InputError("Tell q_bl of every magnetometer of the array or of none.")
+    numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "rate")
+    earth, limit, moment, place_sd, calibration_sd, rate = (None if told.get(key) is None else _finite(told[key], key) for key in numbers)
+    unit = told["unit"]
+    return Described(
+        unit if isinstance(unit, str) else _finite(unit, "unit"),
+        tuple(each),
+        places,
+        None if not turns or turns[0] is None else np.array(turns, float),
+        earth,
+        limit,
+        moment,
+        PLACE_SD if place_sd is None else place_sd,
+        calibration_sd,
+        _timing(told.get("time"), rate),
+        {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
+    )
+
+
+def _refuse_others(told: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    strange = [key for key in told if key not in known]
+    if strange:
+        raise InputError(f"There is no entry {strange[0]!r} in {what}; there are {', '.join(known)}.")
+
+
+def _timing(told: Any, rate: float | None) -> Timing:
+    if rate is not None and not rate > 0:
+        raise InputError(f"The array's rate is {rate:g} Hz; tell how many rows a second there are.")
+    if told is None:
+        return Timing(rate=rate)
+    _refuse_others(told, ("column", "unit"), "the array's `time`")
+    unit = told.get("unit", "s")
+    if unit not in SECONDS:
+        raise InputError(f"There is no unit {unit!r} of time; units are {', '.join(SECONDS)} (date and time of day).")
+    return Timing(told.get("column", "t"), unit, rate)
+
+
+def _columns(name: str, told: Any) -> tuple[Column, ...]:
+    if not isinstance(told, list) or len(told) != 3:
+        raise InputError(f"The columns of {name} are {told!r}; they are three, of x, y and z, by name or counted from 1.")
+    return tuple(told)
+
+
+def _finite(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        raise InputError(f"The array's {what} has {value!r}, which is no finite number.")
+    return float(value)
