@@ -27,6 +27,7 @@ SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss
 NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
 MAINS = (50.0, 60.0)  # Hz
 STANDS_OUT = 5.0  # times the spectrum beside it
+FEWEST_READ = 20  # readings: an axis that gives so many equal ones while others change does not answer
 STUCK = 3  # equal largest readings in a row are a limit
 MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
 APART = 0.1  # of the field: more left of a magnetometer against the first is no common board
@@ -67,6 +68,7 @@ class Looked:
     hum_at: float  # Hz, where it shows
     limited: NDArray[np.bool_]  # (n, magnetometers)
     missing: float  # share of readings
+    frozen: NDArray[np.bool_]  # (magnetometers,) an axis always reads the same
 
 
 def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
@@ -131,6 +133,8 @@ def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
                 "are their times the same?"
             )
         q_bl[k] = found.q_ab
+    if mirrored.mean() > 0.5:  # the first one is the odd one
+        mirrored = ~mirrored
     common = quat.rotate(q_bl, np.where(mirrored[:, None], -1.0, 1.0) * own)[good]
     off = common - common.mean(axis=1, keepdims=True)
     return Turned(spheres, mirrored, q_bl, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)) if strength else off)
@@ -142,7 +146,10 @@ def looked(t: Array, mag: Array, limit: float | None) -> Looked:
     whole = np.where(limited[..., None], np.nan, mag)
     hum, at = _hum(t, whole)
     noise = np.maximum(noise_of(t, whole), hum / np.sqrt(2.0))
-    return Looked(noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()))
+    known = np.isfinite(mag)
+    spread = np.where(known, mag, -np.inf).max(axis=0) - np.where(known, mag, np.inf).min(axis=0)
+    frozen = (spread == 0).any(axis=1) & (len(t) >= FEWEST_READ) & (np.median(spread) > 0)
+    return Looked(noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()), np.asarray(frozen))
 
 
 def together(t: Array, own: Array, mag: Array) -> Array:
@@ -162,6 +169,11 @@ def sentences(names: Sequence[str], looked: Looked) -> list[str]:
     said = []
     if looked.missing > 0.01:
         said.append(f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them")
+    said += [
+        f"{name}: an axis always reads the same, it does not answer; nothing is found with it: leave {name} out of the array's file"
+        for name, frozen in zip(names, looked.frozen)
+        if frozen
+    ]
     for k, name in enumerate(names):
         share = float(looked.limited[:, k].mean())
         if share > 0:

@@ -40,7 +40,7 @@ class Located:
     left: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
     disputed: NDArray[np.bool_]  # (n,) the size told is off by more than three of its standard deviations
-    found: NDArray[np.bool_]  # (n,) explained to within three of them, not disputed, and known better than `sure`
+    found: NDArray[np.bool_]  # (n,) explained to within `worst` of them, not disputed, and known better than `sure`
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,11 @@ def located(
     size_sd: float = 1e-3,
     regions: int = REGIONS,
     place_sd: float = 0.0,
+    worst: float = 3.0,
 ) -> Located:
     """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m,
-    `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. More `regions` find more of the places that explain a reading as well."""
+    `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. What is left
+    is `worst` standard deviations (RMS) at most. More `regions` find more of the places that explain a reading as well."""
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
         raise InputError(f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}.")
     require_field(mag)

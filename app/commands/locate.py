@@ -28,6 +28,7 @@ UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobo
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
 RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
 TRIED = 200  # readings that are looked at once more without the moment told
+WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
 FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
 
 
@@ -49,8 +50,21 @@ class Search:
     def located(self, size: float | None, size_sd: float) -> Located:
         regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
         return magnet_localisation.located(
-            self.mag, self.array, None, size, self.noise, size_sd=size_sd, regions=regions, place_sd=self.place_sd
+            self.mag,
+            self.array,
+            None,
+            size,
+            self.noise,
+            size_sd=size_sd,
+            regions=regions,
+            place_sd=self.place_sd,
+            worst=worst_misfit(len(self.array)),
         )
+
+
+def worst_misfit(many: int) -> float:
+    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are."""
+    return WORST * float(np.sqrt(max(3 * many - 9, 1) / (3 * many)))
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     read = _read(arguments.recording, array)
     limit = None if array.limit is None else float(magnet_array.in_tesla(np.array(array.limit), array.unit, array.earth))
     looked = magnet_array.looked(read.t, read.mag, limit)
-    mag = np.where(looked.limited[..., None], np.nan, read.mag)
+    mag = np.where((looked.limited | looked.frozen)[..., None], np.nan, read.mag)
     q_bl, left, gains, told = array.q_bl, 0.0, np.ones(len(array.names)), magnet_array.sentences(array.names, looked)
     if arguments.turned:
         found = magnet_array.turned(_read(arguments.turned, array).mag, array.names, array.earth)
@@ -131,11 +145,7 @@ def _read(path: Path, array: Described) -> Read:
 
 def _calibrated(array: Described, found: Turned) -> list[str]:
     """What the calibration found that somebody has to know."""
-    said = [
-        f"{name}: an axis points the other way than on {array.names[0]}; turned round"
-        for name, flip in zip(array.names, found.mirrored)
-        if flip
-    ]
+    said = [f"{name}: an axis points the other way than on most; turned round" for name, flip in zip(array.names, found.mirrored) if flip]
     worst = int(np.argmax(found.left))
     if found.left[worst] > 0.02 * found.spheres[0].strength:
         said.append(
@@ -152,12 +162,12 @@ def _answer(read: Read, located: Located, noise: float) -> list[str]:
         f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * noise:.2g} uT an axis",
     ]
     if not found.any():
-        return [*said, f"no magnet is found: {_why(located, noise)}"]
+        return [*said, f"no magnet is found: {_why(read, located)}"]
     sd, size = np.linalg.norm(located.place_sd[found], axis=1), np.linalg.norm(located.moment[found], axis=1)
     return [
         *said,
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
-        *([f"not found in the others: {_why(located, noise)}"] if not found.all() else []),
+        *([f"not found in the others: {_why(read, located)}"] if not found.all() else []),
     ]
 
 
@@ -186,7 +196,7 @@ def _slow(read: Read) -> list[str]:
 def _strange(array: Described, mag: Array, located: Located) -> list[str]:
     """Sentences where what is left without the magnet is no earth's field, or the magnet none for a hand: places do not tell a wrong unit."""
     said = []
-    explained = located.misfit < 3
+    explained = located.misfit < worst_misfit(mag.shape[1])
     read = np.linalg.norm(
         located.field[explained] if explained.any() else mag, axis=-1
     )  # nothing explained: that of the quieter magnetometers
@@ -233,10 +243,10 @@ def _moment_doubted(search: Search, moment: float | None, located: Located) -> l
     ]
 
 
-def _why(located: Located, noise: float) -> str:
+def _why(read: Read, located: Located) -> str:
     """Why places are not told, of what is most often so."""
     lost = ~located.found
-    strange = np.nan_to_num(located.misfit[lost]) > 3
+    strange = np.nan_to_num(located.misfit[lost]) > worst_misfit(read.mag.shape[1])
     if np.isnan(located.left[lost]).mean() > 0.5:
         return "readings are missing or at their limit"
     if strange.mean() > 0.5:

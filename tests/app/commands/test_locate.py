@@ -71,7 +71,23 @@ def test_a_magnet_is_found_whatever_the_chips_axes(bench: tuple[Path, Path, Arra
     assert np.median(np.linalg.norm(place - p, axis=1)[found]) < 0.002
     assert (((place - p) / sd)[found] ** 2).mean() < 1.5
     said = capsys.readouterr().out
-    assert "m3: an axis points the other way than on m0" in said and "magnet found in" in said
+    assert "m3: an axis points the other way than on most" in said and "magnet found in" in said
+
+
+def test_a_first_chip_that_is_the_odd_one_and_one_that_does_not_answer_are_named(
+    bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, board, B, _ = bench
+    told = json.loads(board.read_text())
+    told["magnetometers"] = {name: told["magnetometers"][name] for name in ("m3", "m0", "m1", "m2", "m4")}
+    board.write_text(json.dumps(told))
+    _table(folder / "magnet.csv", B[:40], np.random.default_rng(2))
+    _located(folder, board)
+    assert "m3: an axis points the other way than on most" in capsys.readouterr().out
+    rows = (folder / "magnet.csv").read_text().splitlines()
+    (folder / "magnet.csv").write_text("\n".join([rows[0], *(",".join([*row.split(",")[:-1], "0.25"]) for row in rows[1:])]))
+    assert _located(folder, board)["found"].max() < 0.5
+    assert "m4: an axis always reads the same" in capsys.readouterr().out
 
 
 def test_what_disturbs_is_named_and_no_wrong_place_is_told(
