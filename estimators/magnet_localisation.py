@@ -102,7 +102,7 @@ def located(
     found = (
         (told > unknowns)
         & np.isfinite(misfit)
-        & (misfit < 3)
+        & (misfit < worst)
         & (dispute < 3)
         & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
     )

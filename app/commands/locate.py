@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.commands.words import say
 from estimators import magnet_array, magnet_localisation, magnet_setup
@@ -28,6 +29,7 @@ UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobo
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
 RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
 TRIED = 200  # readings that are looked at once more without the moment told
+AROUND, MANY_STRANGE = 0.5, 0.3  # s, share of the readings that close by
 WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
 FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
 
@@ -111,6 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     search = Search(mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
     located = search.located(array.moment, size_sd)
+    located = replace(located, found=located.found & ~_among_strange(read.t, located, worst_misfit(len(array.names))))
     doubted = _moment_doubted(search, array.moment, located) + _calibration_unknown(array, bool(arguments.turned))
     if doubted:  # what agrees with what is told by chance is no place
         located = replace(located, found=np.zeros_like(located.found))
@@ -169,6 +172,14 @@ def _answer(read: Read, located: Located, noise: float) -> list[str]:
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
         *([f"not found in the others: {_why(read, located)}"] if not found.all() else []),
     ]
+
+
+def _among_strange(t: Array, located: Located, worst: float) -> NDArray[np.bool_]:
+    """Readings (n,) around which many are not those of one magnet: what disturbs those draws these."""
+    known = np.concatenate([[0], np.cumsum(np.isfinite(located.misfit))])
+    strange = np.concatenate([[0], np.cumsum(np.nan_to_num(located.misfit) > worst)])
+    first, last = np.searchsorted(t, t - AROUND), np.searchsorted(t, t + AROUND, side="right")
+    return np.asarray(strange[last] - strange[first] > MANY_STRANGE * (known[last] - known[first]))
 
 
 def _require_unit(read: float, unit: str | float, name: str) -> None:
@@ -246,7 +257,7 @@ def _moment_doubted(search: Search, moment: float | None, located: Located) -> l
 def _why(read: Read, located: Located) -> str:
     """Why places are not told, of what is most often so."""
     lost = ~located.found
-    strange = np.nan_to_num(located.misfit[lost]) > worst_misfit(read.mag.shape[1])
+    strange = _among_strange(read.t, located, worst_misfit(read.mag.shape[1]))[lost]
     if np.isnan(located.left[lost]).mean() > 0.5:
         return "readings are missing or at their limit"
     if strange.mean() > 0.5:
