@@ -21,6 +21,7 @@ from app.report.tapping_section import TRIALS, tapping_section
 from app.report.trend_section import trend_section
 from app.report.units import DEG, unit_words
 from estimators.calibration import SensorQuality
+from estimators.samples import FORCE
 
 Page = dict[str, Any]
 
@@ -185,7 +186,9 @@ def _streams(streams: Sequence[StreamFacts], language: Language, told: bool) -> 
     """Streams of the same rate and quantities together; what was lost is `told` of each where they differ in it."""
     words = language.say(
         "streams.of",
-        names=", ".join(language.known(f"part.{s.name}", s.name) for s in streams),
+        names=", ".join(
+            language.say("streams.forces") if FORCE in s.quantities else language.known(f"part.{s.name}", s.name) for s in streams
+        ),
         sensors=sum(len(s.sensors) for s in streams),
         rate=f"{streams[0].rate:g}",
         samples=language.number(sum(s.samples for s in streams)),
