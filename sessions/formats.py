@@ -8,14 +8,16 @@ from sessions import motion_bids, native
 from sessions.recording import LoadedRecording, require_samples
 
 
-def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRecording:
+def load(path: Path, hand: Hand | None = None, correct: bool = True, inertial: bool = True) -> LoadedRecording:
     """The recording at a path; `hand` is the side to take where it does not say (an error where it says the other).
 
     With `correct` false a native recording's samples are as the sensors read, without their strips' calibrations.
+    With `inertial` false a recording of magnetometers alone is one too.
     """
     if path.is_file() and path.suffix == native.SUFFIX:
-        return require_samples(native.load(path, hand, correct), path.name)
-    return motion_bids.load(path, hand)
+        recording = native.load(path, hand, correct)
+        return require_samples(recording, path.name) if inertial else recording
+    return motion_bids.load(path, hand, inertial)
 
 
 def checksum(path: Path) -> str:

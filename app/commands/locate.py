@@ -135,7 +135,7 @@ def _read(path: Path, array: Described) -> Read:
         known, t, times = table.readings, table.t, table.times
         values = {name: magnet_array.in_tesla(v, array.unit, array.earth) for name, v in known.items()}
     else:
-        blocks = [b for b in formats.load(path).samples.values() if MAG in b.stream.quantities]
+        blocks = [b for b in formats.load(path, inertial=False).samples.values() if MAG in b.stream.quantities]
         values = {s: b.of(MAG)[:, k] for b in blocks for k, s in enumerate(b.stream.sensors)}
         times = {s: b.t for b in blocks for s in b.stream.sensors}
         t = times[array.names[0]] if array.names[0] in times else np.empty(0)

@@ -22,7 +22,7 @@ TYPES = {"GYRO": GYR, "ACCEL": ACC, "MAGN": MAG, "MISC": FORCE}
 UNITS: dict[str, dict[str, float]] = {
     "GYRO": {"rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180},
     "ACCEL": {"m/s^2": 1.0, "m/s²": 1.0},
-    "MAGN": {"T": 1.0, "uT": 1e-6, "µT": 1e-6, "μT": 1e-6},
+    "MAGN": {"T": 1.0, "uT": 1e-6, "µT": 1e-6, "μT": 1e-6, "mT": 1e-3, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
@@ -45,11 +45,15 @@ class System:
     channels: list[dict[str, str]]
 
 
-def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
-    """Open the recording at `path`; `hand` is the side to take where the recording does not say (and contradicts where it says another)."""
+def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedRecording:
+    """Open the recording at `path`; `hand` is the side to take where the recording does not say (and contradicts where it says another).
+
+    With `inertial` false neither inertial samples nor a side are asked for: magnetometers alone are a recording too.
+    """
     inside, files = _choose(path)
     systems = _systems(files, inside)
-    said = _hand([s.sidecar for s in systems], hand, path.name)
+    unsaid = all(s.sidecar.get("MeasuredHand") in (None, MISSING) for s in systems)
+    said = _hand([s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name)
     warnings: list[str] = []
     samples = {}
     for system in systems:
@@ -68,7 +72,7 @@ def load(path: Path, hand: Hand | None = None) -> LoadedRecording:
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
         plate=plate_from(_merged(systems, "MagnetSetup")),
     )
-    return require_samples(recording, path.name)
+    return require_samples(recording, path.name) if inertial else recording
 
 
 def recordings_in(files: Files) -> list[str]:

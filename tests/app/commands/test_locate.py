@@ -164,6 +164,22 @@ def test_tables_of_other_benches_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(magnet_array.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8)
 
 
+def test_magnetometers_alone_are_a_motion_bids_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No inertial sensor, no hand, in gauss."""
+    stem = tmp_path / "sub-01" / "motion" / "sub-01_task-reach_tracksys-mag"
+    stem.parent.mkdir(parents=True)
+    names = [f"trunk_mag_{k}" for k in range(1, 6)]
+    field = 0.45 + 1e-4 * np.random.default_rng(5).normal(size=(30, 15))
+    np.savetxt(f"{stem}_motion.tsv", field, delimiter="\t")
+    rows = [f"{name}_{axis}\t{axis}\tMAGN\t{name}\tG" for name in names for axis in "xyz"]
+    Path(f"{stem}_channels.tsv").write_text("\n".join(["name\tcomponent\ttype\ttracked_point\tunits", *rows]))
+    Path(f"{stem}_motion.json").write_text(json.dumps({"TaskName": "reach", "SamplingFrequency": 50}))
+    each = {name: {"place": p.tolist()} for name, p in zip(names, PLACES)}
+    (tmp_path / "a.json").write_text(json.dumps({"unit": "T", "calibration_sd": 1e-7, "magnetometers": each}))
+    assert main(["locate", str(tmp_path), "--array", str(tmp_path / "a.json"), "--out", str(tmp_path / "o.tsv")]) == 0
+    assert "30 readings of 5 magnetometers in 0.6 s" in capsys.readouterr().out
+
+
 def test_units_and_clocks() -> None:
     one = np.full((1, 1, 3), 0.5)
     np.testing.assert_allclose(magnet_array.in_tesla(one, "G", None), 5e-5)
