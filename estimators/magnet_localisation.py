@@ -40,7 +40,7 @@ class Located:
     left: Array  # (n,) RMS of what is left, T
     misfit: Array  # (n,) the same in standard deviations of readings, errors of the magnetometers' places counted
     disputed: NDArray[np.bool_]  # (n,) the size told is off by more than three of its standard deviations
-    found: NDArray[np.bool_]  # (n,) explained to within `worst` of them, not disputed, and known better than `sure`
+    found: NDArray[np.bool_]  # (n,) explained to within `worst` of them, and known better than `sure`
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,7 @@ def located(
             whole[part] = piece
     x, sd, left, misfit, dispute = out
     distance = np.linalg.norm(x[:, None, :3] - array.places, axis=-1).min(axis=1)
-    found = (
-        (told > unknowns)
-        & np.isfinite(misfit)
-        & (misfit < worst)
-        & (dispute < 3)
-        & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
-    )
+    found = (told > unknowns) & np.isfinite(misfit) & (misfit < worst) & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
     return Located(
         x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, dispute >= 3, found
     )

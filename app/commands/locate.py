@@ -51,7 +51,7 @@ class Search:
 
     def located(self, size: float | None, size_sd: float) -> Located:
         regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
-        return magnet_localisation.located(
+        found = magnet_localisation.located(
             self.mag,
             self.array,
             None,
@@ -62,6 +62,7 @@ class Search:
             place_sd=self.place_sd,
             worst=worst_misfit(len(self.array)),
         )
+        return replace(found, found=found.found & ~found.disputed)
 
 
 def worst_misfit(many: int) -> float:
