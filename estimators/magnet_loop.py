@@ -17,6 +17,7 @@ from estimators.magnet_filter import (
     BBG,
     BTA,
     BTG,
+    LEV,
     MOM,
     OWN,
     P_,
@@ -33,6 +34,7 @@ from estimators.magnet_filter import (
     XTG,
     Sizes,
     back,
+    chained,
     corrected,
     matrix,
     moved,
@@ -46,7 +48,7 @@ from estimators.magnet_filter import (
 from estimators.magnet_lateness import settled, went_on
 from estimators.magnet_reading import EVIDENCE, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
-from estimators.small_matrices import block, put
+from estimators.small_matrices import block, put, spread
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
 GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out
@@ -56,6 +58,7 @@ AUDIBLE, LOUD = (
 )  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
 LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
+FOUND = 0.15  # of that distance: a lost one known no better is not found
 MEMORY = 0.5  # s over which surprises are averaged
 ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
@@ -102,7 +105,7 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     else:
         dx, C, cost = kept(s, x, P, way, mag, grown)
     out: Array = moved(x, dx)
-    if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE):
+    if cost >= GATE * 3 * len(mag) or not told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT):
         out = without(s, x, P, way, mag, dt)
     else:
         put(C, P)
@@ -110,12 +113,17 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
 
 
 @inlined
-def told(s: Sizes, x: Array, P: Array, audible: float) -> bool:
-    """Whether readings tell a place: known better than a share of its distance, for the dipole bends over what is not known and standard deviations
-    from its slope would say nothing; and the magnet heard over what calibrations leave, which does not get less by waiting."""
-    nearest = distance(x)
-    loud = strength(x, nearest)
-    return bool(P[0, 0] + P[1, 1] + P[2, 2] < (STRAIGHT * nearest) ** 2 and loud**2 > audible**2 * (s.mag**2 + s.mag_left**2))
+def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
+    """Whether readings tell where the magnet is: known better than a share of its distance, for the dipole bends over what is not known and standard
+    deviations from its slope would say nothing; and heard over what calibrations leave, which does not get less by waiting."""
+    nearest, J, known = distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
+    loud, R = strength(x, nearest), matrix(x[XQ : XQ + 4])
+    for i in range(3):
+        J[i, P_ + i] = 1.0
+    block(1.0, R, 0, LEV, J)
+    block(-1.0, chained(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
+    spread(J, P, known)
+    return bool(known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2 and loud**2 > audible**2 * (s.mag**2 + s.mag_left**2))
 
 
 @inlined

@@ -145,6 +145,15 @@ def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
     assert (off < 4 * np.linalg.norm(track.p_sd, axis=1))[late].all()
 
 
+def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
+    """At 34 to 42 cm single readings tell a place to a quarter of its distance at best: it was kept as known to 3 cm, 6 to 70 cm beside."""
+    for seed in (45, 62, 74):
+        m = sim.condition("hand", np.random.default_rng(seed), 6.0)
+        track = tracking.tracked(PARAMS, *_made(m, seed))
+        assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1))[5:].all()
+        assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
+
+
 def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(both: tuple[Motion, Setup, Readings, Track]) -> None:
     """At the pace at which it becomes unsure: kept for good, it drew a hand at rest before a breathing trunk away, 2 cm within a minute."""
     _, setup, readings, _ = both
