@@ -1,13 +1,14 @@
 """The arithmetic of magnet_tracking.py for one sample after the other, compiled: state and errors, time update, one scalar measurement.
 
-State   x (36 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, then what was told before and is not exact: the magnet's
-        moment and place on the target, what each calibration left (b, T), the magnetometers' places, how late their readings are (s); P (34 + 6 L,
-        34 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dm, dp_tm, dc_1.., dp_b1.., dtau], R = R^ (1 + [dth]x)
+State   x (39 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, v_b, then what was told before and is not exact: the
+        magnet's moment and place on the target, what each calibration left (b, T), the magnetometers' places, how late their readings are (s);
+        P (37 + 6 L, 37 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dv_b, dm, dp_tm, dc_1.., dp_b1.., dtau],
+        R = R^ (1 + [dth]x); v_b is the trunk's velocity against the ground in its own axes
 Source  Kortier, thesis ch. 5, (5.2)-(5.22); what magnetometers tell: magnet_reading.py
 Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
         trunk's axes: dp/dt = v - w x p, dv/dt = a - w x v, exact without angular acceleration (w = 2 rad/s at 0.4 m: 1.6 m/s^2 otherwise amiss).
-        His 24 errors take the base's accelerometer, moment, places and calibrations for exact: an error of theirs lasts, and white noise in its place
-        makes the filter either too sure or too careful
+        His 24 errors leave the trunk's velocity out and take its accelerometer, moment, places and calibrations for exact: an error of theirs lasts, and
+        white noise in its place makes the filter either too sure or too careful
 """
 
 import math
@@ -19,11 +20,11 @@ from estimators.compiled import inlined
 from estimators.quaternions import Array
 from estimators.small_matrices import block, product, put, spread
 
-P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA = (3 * k for k in range(9))  # rows of the error
-OWN = 27  # errors of trunk and hand; behind them what does not move
-MOM, LEV, LEFT = 27, 30, 33  # moment, its place, calibrations; the magnetometers' places follow
-XQ, XB, XTG, XTA, XGB, XBG, XBA = 6, 10, 13, 16, 19, 23, 26  # rows of the state behind p and v
-XM = 29  # where the state's rows of MOM begin
+P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
+OWN = 30  # errors of trunk and hand; behind them what does not move
+MOM, LEV, LEFT = 30, 33, 36  # moment, its place, calibrations; the magnetometers' places follow
+XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = 6, 10, 13, 16, 19, 23, 26, 29  # rows of the state behind p and v
+XM = 32  # where the state's rows of MOM begin
 
 
 class Sizes(NamedTuple):
@@ -47,6 +48,8 @@ class Sizes(NamedTuple):
     acc_still: float  # m/s^2
     acc_moving: float  # m/s^2
     acc_common: float  # m/s^2
+    trunk_speed: float  # m/s
+    speed_alike: float  # s
     still_speed: float  # m/s
     still_rate: float  # rad/s
     still_alike: float  # s
@@ -146,6 +149,7 @@ def moved(x: Array, dx: Array) -> Array:
         out[XTA + i] += dx[BTA + i]
         out[XBG + i] += dx[BBG + i]
         out[XBA + i] += dx[BBA + i]
+        out[XVB + i] += dx[VB + i]
     q_bt, q_gb = turned(x[XQ : XQ + 4], dx[TH : TH + 3], False), turned(x[XGB : XGB + 4], dx[THG : THG + 3], False)
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
@@ -154,7 +158,7 @@ def moved(x: Array, dx: Array) -> Array:
 
 @inlined
 def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:
-    """The state dt later and its derivative F (27, 27); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
+    """The state dt later and its derivative F (30, 30); readings (12,): gyroscope and accelerometer of base, then of target. (5.19)-(5.22)"""
     w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
@@ -172,13 +176,19 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     q_bt, q_gb = turned(turned(x[XQ : XQ + 4], back_b, True), w_t, False), turned(x[XGB : XGB + 4], w_b, False)
     R1 = matrix(q_bt)
     a0, a1 = times(R0, f_t0), times(R1, f_t1)
-    v, p = np.empty(3), np.empty(3)
+    up = np.zeros(3)
+    up[2] = s.gravity
+    g0: Array = back(matrix(x[XGB : XGB + 4]), up)
+    g1: Array = back(matrix(q_gb), up)
+    v, p, u = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
+        u[i] = x[XVB + i] + 0.5 * dt * (f_b0[i] - g0[i])
         a0[i], a1[i] = a0[i] - f_b0[i], a1[i] - f_b1[i]  # (5.19): gravity is in both
         v[i] = x[3 + i] + 0.5 * dt * a0[i]
         p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
-    v, p = times(C, v), times(C, p)
+    v, p, u = times(C, v), times(C, p), times(C, u)
     for i in range(3):
+        out[XVB + i] = u[i] + 0.5 * dt * (f_b1[i] - g1[i])
         out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
@@ -200,6 +210,10 @@ def stepped(s: Sizes, x: Array, before: Array, now: Array, dt: float, F: Array) 
     block(0.5 * dt * dt, C, P_, BBA, F)
     block(-dt, skew(out[0:3]), P_, BBG, F)
     block(-dt, skew(out[3:6]), V_, BBG, F)
+    block(1.0, C, VB, VB, F)
+    block(-dt, chained(C, skew(g0)), VB, THG, F)
+    block(-dt, C, VB, BBA, F)
+    block(-dt, skew(out[XVB : XVB + 3]), VB, BBG, F)
     block(1.0, matrix(turned(one, back_t, False)), TH, TH, F)
     block(1.0, C, THG, THG, F)
     for i in range(3):
@@ -254,12 +268,14 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
             P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
     put(carried, P[:OWN, :OWN])
     gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
-    acc = 2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push  # of both accelerometers
+    acc = (
+        2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push
+    )  # of both accelerometers, half of it the base's
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
             for k in range(3):
-                a = F[i, BBG + k] if i < BBG else 0.0
-                b = F[j, BBG + k] if j < BBG else 0.0
+                a = F[i, BBG + k] if not BBG <= i < VB else 0.0
+                b = F[j, BBG + k] if not BBG <= j < VB else 0.0
                 P[i, j] += a * b * gyr_b / dt
     for i in range(3):
         P[TH + i, TH + i] += gyr_t * dt
@@ -267,6 +283,11 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
         P[P_ + i, P_ + i] += acc * dt**3 / 3
         P[P_ + i, V_ + i] += acc * dt**2 / 2
         P[V_ + i, P_ + i] += acc * dt**2 / 2
+        P[VB + i, VB + i] += acc * dt / 2
+        P[VB + i, V_ + i] -= acc * dt / 2
+        P[V_ + i, VB + i] -= acc * dt / 2
+        P[VB + i, P_ + i] -= acc * dt**2 / 4
+        P[P_ + i, VB + i] -= acc * dt**2 / 4
         P[B_ + i, B_ + i] += s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt

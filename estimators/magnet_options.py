@@ -71,10 +71,14 @@ class MagnetParams:
         f"2.3 uT/m over 13 cm: {SIZES}",
         least=1e-6,
     )
-    gate: float = option(0.05, "1", "share of g by which an accelerometer that tells the vertical may be off", "Kortier thesis 5.2.2")
+    gate: float = option(0.05, "1", "share of g from which on a trunk counts as accelerated, for (5.17)", "Kortier thesis 5.2.2")
     acc_still: float = option(0.1, "m/s^2", "error of gravity while a sensor stands still", "as the hand filter's, with bias", least=1e-3)
-    acc_moving: float = option(0.6, "m/s^2", "error of gravity within the gate while it moves", "5 % of g", least=1e-3)
+    acc_moving: float = option(0.6, "m/s^2", "error of an acceleration in common, for (5.17)", "5 % of g", least=1e-3)
     acc_common: float = option(0.3, "m/s^2", "difference up to which trunk and hand are accelerated in common", "ours, for (5.17)")
+    trunk_speed: float = option(
+        0.3, "m/s", "speed of the trunk of somebody who sits", "ours: a quick lean; half a metre a second at most", least=0.01
+    )
+    speed_alike: float = option(1.0, "s", "time over which that stays alike", "ours: half a lean", least=0.01)
     still_samples: int = option(9, "samples", "stretch that is looked at for a standstill", "Skog et al. 2010: 5 to 30", least=2, most=100)
     still_gyr: float = option(4.0, "deg/s", "angular rate of what stands still", "as the hand filter's", least=0.01)
     still_acc: float = option(0.25, "m/s^2", "deviation from gravity of what stands still", "as the hand filter's", least=0.001)
@@ -138,6 +142,8 @@ def sizes(p: MagnetParams) -> Sizes:
         acc_still=p.acc_still,
         acc_moving=p.acc_moving,
         acc_common=p.acc_common,
+        trunk_speed=p.trunk_speed,
+        speed_alike=p.speed_alike,
         still_speed=p.still_speed,
         still_rate=0.25 * p.still_gyr * DEG,
         still_alike=p.still_alike,

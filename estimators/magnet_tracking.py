@@ -20,7 +20,7 @@ from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.force.interpolation import noise_of
 from estimators.gravity import GRAVITY
-from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
+from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from estimators.magnet_lateness import WAY
 from estimators.magnet_localisation import Located, located
 from estimators.magnet_loop import MOODS, followed
@@ -63,8 +63,8 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: Array | None  # (36 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
-    covariance: Array  # (34 + 6 magnetometers,) squared
+    x: Array | None  # (39 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    covariance: Array  # (37 + 6 magnetometers,) squared
     mood: Array  # (8,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
     way: Array  # (21,) as magnet_lateness.py has it
@@ -248,13 +248,13 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
             turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
         q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(6), _as_told(setup)])
+    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), _as_told(setup)])
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     lost = setup.q_bt is None and near is None
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
     P = np.diag(np.concatenate([np.zeros(OWN), _sure(params, setup) ** 2]))
     P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
-    P[V_ : V_ + 3, V_ : V_ + 3] = np.eye(3) * 0.1**2
+    P[V_ : V_ + 3, V_ : V_ + 3] = P[VB : VB + 3, VB : VB + 3] = np.eye(3) * 0.1**2
     P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
     field = np.array([PINNED, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM])])
     P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2

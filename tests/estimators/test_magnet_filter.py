@@ -59,7 +59,7 @@ def _vertical(s, x: Array, P: Array, now: Array, dt: float) -> Array:  # type: i
 
 def _state() -> Array:
     """Of a trunk with two magnetometers."""
-    x = 0.1 * RNG.normal(size=48)
+    x = 0.1 * RNG.normal(size=51)
     x[mf.XM : mf.XM + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
     x[mf.XM + 6 : mf.XM + 12] *= 1e-6
     x[mf.XM + 12 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
@@ -71,7 +71,7 @@ def _state() -> Array:
 
 
 def _difference(x: Array, other: Array) -> Array:
-    """The error (46,) that takes x to the other state."""
+    """The error (49,) that takes x to the other state."""
     plain = other - x
     turns = (quat.log(quat.relative(x[a : a + 4], other[a : a + 4])) for a in (mf.XQ, mf.XGB))
     th, thg = turns
@@ -82,31 +82,31 @@ def test_slopes_of_the_time_update_are_differences() -> None:
     before, now, dt, h = RNG.normal(size=12), RNG.normal(size=12), 1 / 60, 1e-5
     before[[3, 4, 5, 9, 10, 11]] *= 10
     now[[3, 4, 5, 9, 10, 11]] *= 10
-    x, F, other = _state(), np.zeros((27, 27)), np.zeros((27, 27))
+    x, F, other = _state(), np.zeros((30, 30)), np.zeros((30, 30))
     _stepped(SIZES, x, before, now, dt, F)
-    for k in range(27):
-        dx = np.zeros(46)
+    for k in range(30):
+        dx = np.zeros(49)
         dx[k] = h
         ahead = _stepped(SIZES, _moved(x, dx), before, now, dt, other)
         behind = _stepped(SIZES, _moved(x, -dx), before, now, dt, other)
         # a force in the middle of the sample and a turn over half of it are told to first order in dt
-        np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:27] / (2 * h), atol=4e-3)
+        np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:30] / (2 * h), atol=4e-3)
 
 
 def test_slopes_of_a_magnetometer_are_differences() -> None:
     """Of one that is 70 ms late, while trunk and hand turn and speed up."""
-    x, H, none, way = _state(), np.zeros((3, 46)), np.zeros((3, 46)), RNG.normal(size=WAY)
+    x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY)
     way[FB : FB + 6] *= 10
     way[VS : VS + 3] = x[3:6]
     _read(x, way, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
     biases = [k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)]  # left out: over 70 ms they move nothing
-    for k in np.setdiff1d(range(46), biases):
-        dx = np.zeros(46)
+    for k in np.setdiff1d(range(49), biases):
+        dx = np.zeros(49)
         dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.LEFT <= k < mf.LEFT + 6 else 1e-5
         ahead, behind = (_read(_moved(x, d), way, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
-        np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 45 else 1e-9)
+        np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 48 else 1e-9)
 
 
 def _gravity(x: Array) -> tuple[Array, Array]:
@@ -143,14 +143,14 @@ def _carried(x: Array, f_b: Array) -> Array:
 
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
-    """Against F P F' + Q of all 46 errors at once, without the noise of trunk and hand."""
+    """Against F P F' + Q of all 49 errors at once, without the noise of trunk and hand."""
     still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0)
-    A = RNG.normal(size=(46, 46))
-    P, F, turned = A @ A.T, np.eye(27) + 0.1 * RNG.normal(size=(27, 27)), 0.05
-    kept = np.ones(46)
+    A = RNG.normal(size=(49, 49))
+    P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
+    kept = np.ones(49)
     kept[mf.LEFT : mf.LEFT + 6] = np.exp(-turned / SIZES.left_alike)
     whole = np.diag(kept)
-    whole[:27, :27] = F
+    whole[:30, :30] = F
     expected = whole @ P @ whole.T + SIZES.mag_left**2 * np.diag(1 - kept**2)
     expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
     _widened(still, P, F, 1 / 60, 60 * turned, 2.0)
@@ -162,13 +162,16 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     """Trunk and hand turn at once: (5.22) as printed, without the trunk's turning, would be off by decimetres after these five seconds. And led back."""
     m = sim.condition(name, np.random.default_rng(3), seconds=8.0, rate=240.0)
     samples = np.concatenate([m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1).reshape(len(m.t), 12)
-    x, F, k = _state(), np.zeros((27, 27)), 3 * 240
+    x, F, k = _state(), np.zeros((30, 30)), 3 * 240
     x[: mf.XM] = 0.0
     x[0:3], x[mf.XQ : mf.XQ + 4], x[mf.XGB : mf.XGB + 4] = m.p_bt[k], m.q_bt[k], m.q[k, 0]
     R = quat.conjugate(m.q[k, 0])
     x[3:6] = quat.rotate(R, ((m.p[k + 1] - m.p[k - 1]) @ np.eye(3))[1] - (m.p[k + 1] - m.p[k - 1])[0]) * 120.0
+    speed = quat.rotate(quat.conjugate(m.q[:, 0]), np.gradient(m.p[:, 0], 1 / 240, axis=0, edge_order=2))
+    x[mf.XVB : mf.XVB + 3] = speed[k]
     for i in range(k + 1, len(m.t)):
         x = _stepped(SIZES, x, samples[i - 1], samples[i], 1 / 240, F)
+    assert np.linalg.norm(x[mf.XVB : mf.XVB + 3] - speed[-1]) < 2e-3
     assert np.linalg.norm(x[0:3] - m.p_bt[-1]) < 2e-3
     assert np.degrees(quat.angle(quat.relative(x[mf.XQ : mf.XQ + 4], m.q_bt[-1]))) < 0.05
     way, x[-1] = np.zeros(WAY), 0.1
@@ -193,5 +196,5 @@ def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a
     apart = way[VS : VS + 3] - v
     for known, kept in ((0.04, np.exp(-dt / SLOW)), (0.2, 0.0)):
         led = way.copy()
-        _settled(led, x, np.eye(46) * known**2, v, dt)
+        _settled(led, x, np.eye(49) * known**2, v, dt)
         np.testing.assert_allclose(led[VS : VS + 3] - x[3:6], kept * quat.rotate(quat.about(2, -3.0 * dt), apart), atol=1e-12)

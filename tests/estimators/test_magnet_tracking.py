@@ -188,14 +188,18 @@ def test_the_moment_of_a_magnet_that_nobody_measured_is_learnt(both: tuple[Motio
 
 
 def test_standard_deviations_are_honest() -> None:
-    """Normalised error squared of the place, one instant a second of eight plates: 1 where they are; too careful is not honest either."""
+    """Normalised errors squared, one instant a second of eight plates: 1 where they are; too careful is not honest either."""
     found = []
     for seed in range(20, 28):
         m = sim.condition(("hand", "both")[seed % 2], np.random.default_rng(seed), 30.0)
         setup, readings = _made(m, seed)
         track = tracking.tracked(PARAMS, setup, readings)
-        found.append((((track.p_bt - m.p_bt) / track.p_sd)[600::60] ** 2).mean())
-    assert 0.4 < np.mean(found) < 1.6
+        turns = quat.log(quat.relative(track.q_bt, m.q_bt)) / track.q_bt_sd, quat.log(quat.relative(track.q_gb, m.q[:, 0])) / track.q_gb_sd
+        found.append([(z[600::60] ** 2).mean() for z in ((track.p_bt - m.p_bt) / track.p_sd, *turns)])
+    place, relative, trunk = np.mean(found, axis=0)
+    assert 0.4 < place < 1.6
+    assert 0.3 < relative < 1.6
+    assert 0.1 < trunk < 1.6, "careful while the trunk sways less than a seated one may"
 
 
 def test_missing_and_saturated_readings_are_left_out(both: tuple[Motion, Setup, Readings, Track]) -> None:
