@@ -96,8 +96,18 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
 
 
 @inlined
-def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float) -> Array:
-    """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state."""
+def answered(mag: Array) -> int:
+    """How many axes did."""
+    count = 0
+    for k in range(len(mag)):
+        count += 3 * (not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]))
+    return count
+
+
+@inlined
+def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float, left: Array) -> Array:
+    """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
+    (1,): normalised innovation squared of all readings where it puts the hand."""
     lost = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
         start, _, cost = sought(s, x, P, way, np.zeros(len(P)), mag, 1.0)
@@ -110,6 +120,7 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     else:
         dx, C, cost = kept(s, x, P, way, mag, grown)
     out: Array = moved(x, dx)
+    left[0] = cost
     known = cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
     if not known:
         out = without(s, x, P, way, mag, dt)
@@ -332,7 +343,7 @@ def followed(
 ) -> Array:
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, ...), variances (n, ...),
     surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
-    F, now = np.zeros((OWN, OWN)), np.zeros(12)
+    F, now, left = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(1)
     for n in range(len(samples)):
         dt, rough, v = dts[n], 1.0, x[3:6].copy()
         for i in range(12):
@@ -363,9 +374,9 @@ def followed(
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
             if new < GATE or wide:
-                x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since)
-            if wide:  # before it was found nothing could be expected
-                new = surprise(s, x, P, way, mags[n])
+                x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left)
+            if wide:  # before it was found nothing could be expected: what no place explains is a surprise
+                new = left[0] / answered(mags[n])
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:

@@ -22,7 +22,7 @@ class MagnetParams:
     gyr_reading: str = option("mean", "", "what a gyroscope's sample is, as in the fusion", "as the fusion's", ("mean", "instant"))
     gyr_noise: float = option(0.03, "deg/s/sqrt(Hz)", "white noise density of a gyroscope axis", "LSM330DLC data sheet", least=1e-6)
     gyr_share: float = option(
-        0.001,
+        0.003,
         "1",
         "share of its rate by which a moving gyroscope is off, alike for half a second",
         SIZES,
@@ -30,7 +30,7 @@ class MagnetParams:
     )
     acc_noise: float = option(0.003, "m/s^2/sqrt(Hz)", "white noise density of an accelerometer axis", "LSM330DLC data sheet", least=1e-6)
     acc_error: float = option(0.01, "m/s^2", "what an accelerometer is off by for a while, its bias known", SIZES)
-    acc_share: float = option(0.0015, "1", "share of the acceleration by which it is off besides", SIZES, most=0.5)
+    acc_share: float = option(0.003, "1", "share of the acceleration by which it is off besides", SIZES, most=0.5)
     mag_noise: float = option(
         0.2,
         "uT",
