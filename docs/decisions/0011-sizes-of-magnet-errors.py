@@ -190,9 +190,8 @@ def main(folder: str) -> None:
             if np.isfinite(table[:, j]).sum() > 3:
                 stays, grows = grown(table[:, j])
                 share = np.sign(grows) * np.sqrt(abs(grows) / (low * high))
-                print(
-                    f"{title[:2]}, {low:g}-{high:g} rad/s: {1e3 * np.sqrt(stays):.1f} mrad, and {100 * share:.2f} % of the rate a root second"
-                )  # noqa: T201
+                said = f"{1e3 * np.sqrt(stays):.1f} mrad, and {100 * share:.2f} % of the rate a root second"
+                print(f"{title[:2]}, {low:g}-{high:g} rad/s: {said}")  # noqa: T201
     for title, trial in trials.items():
         if "slow_translation" in title:
             away, difference = fields(trial)
