@@ -4,8 +4,8 @@ Magnetometers and inertial sensors have clocks or filters of their own: readings
 negative where the magnetometers are early. Between the two instants the body moves as its inertial sensors say: turning with rates that change
 evenly, the relative velocity with the relative acceleration.
 
-In      state x and errors as magnet_filter.py has them; the way (21,): rates of base and target, change of both rates, specific forces, as read;
-        the relative velocity
+In      state x and errors as magnet_filter.py has them; the way (22,): rates of base and target, change of both rates, specific forces, as read;
+        the relative velocity; whether movement tells lateness
 Source  ours, by the rigid-body motion of magnet_filter.py (5.19)-(5.22); rates and their change: fading memory of degree one (Morrison 1969, Introduction
         to Sequential Smoothing and Prediction, ch. 13). Unsmoothed, the noise of a rate counts as movement that readings would have to show: lateness
         then comes out a third too small. So do the jumps of the filter's velocity: slopes by the lateness take one that is led by accelerations and
@@ -22,10 +22,12 @@ from estimators.magnet_filter import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XT
 from estimators.quaternions import Array
 from estimators.small_matrices import block
 
-WAY = 21
+WAY = 22
+TELLS = 21  # 1 where movement tells lateness; at rest, and of a place that is not known, what the filter errs by would pass for it
 WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
 MEMORY = 0.05  # s of the rates
 SLOW = 2.0  # s, of the velocity
+TURNING, TRAVELLING, SURELY = 0.35, 0.1, 4.0  # rad/s, m/s, standard deviations: slower movements tell no lateness
 UNSURE = (
     0.1  # m/s, standard deviation of a velocity that nothing is gained by holding on to: followed hands stay below 0.08, lost ones above
 )
@@ -55,11 +57,26 @@ def turns(x: Array, way: Array) -> tuple[Array, Array]:
 
 
 @inlined
+def unsettled(P: Array) -> bool:
+    """Whether the filter is not sure of the velocity."""
+    return bool(P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2] > UNSURE**2)
+
+
+@inlined
+def lively(way: Array, P: Array) -> bool:
+    """Whether trunk or hand move so that a reading a hundredth of a second late differs by more than a filter at rest wanders."""
+    base, target, speed, unsure = 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        base, target, speed = base + way[WB + i] ** 2, target + way[WT + i] ** 2, speed + way[VS + i] ** 2
+        unsure += P[V_ + i, V_ + i]
+    return bool(max(base, target) > TURNING**2 or speed > max(TRAVELLING**2, SURELY**2 * unsure))
+
+
+@inlined
 def settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
     """The way's velocity in place: carried as the filter's was from v (3,) on by accelerations and the base's turning, and slowly drawn to it; the
     filter's own where dt is 0 and while it is not sure of it, so that a hand found again does not drag the velocity of the lost one along."""
-    unsure = P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2] > UNSURE**2
-    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 and not unsure else 1.0
+    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 and not unsettled(P) else 1.0
     apart, back_b, one = np.empty(3), np.empty(3), np.zeros(4)
     one[0] = 1.0
     for i in range(3):
@@ -121,4 +138,4 @@ def by_now(x: Array, then: Array, way: Array, H: Array) -> None:
         for j in range(3):
             H[i, TH + j] = HtU[i, j] - 0.5 * tau * tau * far[i, j]
             carried = S[j, 0] * then[0] + S[j, 1] * then[1] + S[j, 2] * then[2]
-            H[i, H.shape[1] - 1] += Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j]
+            H[i, H.shape[1] - 1] += way[TELLS] * (Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j])

@@ -50,7 +50,7 @@ from estimators.magnet_filter import (
     transposed,
     widened,
 )
-from estimators.magnet_lateness import settled, went_on
+from estimators.magnet_lateness import TELLS, lively, settled, unsettled, went_on
 from estimators.magnet_reading import EVIDENCE, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
@@ -302,7 +302,7 @@ def bounded(s: Sizes, x: Array, P: Array, centre: Array, dt: float) -> Array:
             for j in range(size):
                 H[j] = 0.0
             H[V_ + i] = 1.0
-            corrected(P, dx, H, -x[3 + i], (0.1 if outside else s.reach_speed) ** 2 * s.alike / dt)
+            corrected(P, dx, H, -x[3 + i], s.reach_speed**2 * s.alike / dt)
     for i in range(6, size):  # a wish, no measurement: nothing but place and velocity learns from it
         dx[i] = 0.0
         for j in range(6, size):
@@ -369,6 +369,7 @@ def followed(
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
+        way[TELLS] = 0.0 if wide or unsettled(P) or not lively(way, P) else 1.0
         new = surprise(s, x, P, way, mags[n])
         if new >= 0:
             since = min(mood[SILENT] + step, 0.2)

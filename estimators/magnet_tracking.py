@@ -67,7 +67,7 @@ class State:
     covariance: Array  # (37 + 6 magnetometers,) squared
     mood: Array  # (8,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
-    way: Array  # (21,) as magnet_lateness.py has it
+    way: Array  # (22,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
     heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
     noise: float = 0.0  # uT, where it is more than was told

@@ -6,8 +6,8 @@ import pytest
 from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
-from estimators.magnet_lateness import FB, SLOW, VS, WAY, WB, earlier, settled, went_on
-from estimators.magnet_loop import vertical
+from estimators.magnet_lateness import FB, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
+from estimators.magnet_loop import pushed_alike, vertical
 from estimators.magnet_options import MagnetParams, sizes
 from estimators.magnet_reading import read
 from estimators.quaternions import Array
@@ -53,8 +53,13 @@ def _widened(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None
 
 
 @looped
-def _vertical(s, x: Array, P: Array, now: Array, dt: float) -> Array:  # type: ignore[no-untyped-def]
-    return vertical(s, x, P, now, False, False, dt)
+def _told(s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float) -> Array:  # type: ignore[no-untyped-def]
+    dx = np.zeros(len(P))
+    if base or target:
+        vertical(s, x, P, dx, now, base, target, dt)
+    else:
+        pushed_alike(s, x, P, dx, now, dt)
+    return mf.moved(x, dx)
 
 
 def _state() -> Array:
@@ -96,6 +101,7 @@ def test_slopes_of_the_time_update_are_differences() -> None:
 def test_slopes_of_a_magnetometer_are_differences() -> None:
     """Of one that is 70 ms late, while trunk and hand turn and speed up."""
     x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY)
+    way[TELLS] = 1.0
     way[FB : FB + 6] *= 10
     way[VS : VS + 3] = x[3:6]
     _read(x, way, 1, H)
@@ -118,7 +124,7 @@ def _gravity(x: Array) -> tuple[Array, Array]:
 @pytest.mark.parametrize("which", ["base", "target", "common"])
 def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
     """(5.16) of base and target, (5.17). Errors of which little is expected go by slope times what is missed: two readings tell the slope."""
-    x, dt, sure, h = _state(), 1 / 60, 1e-3, 1e-5
+    x, dt, sure, h = _state(), 1 / 60, 1e-4, 1e-5
     x[mf.XTA : mf.XTA + 3] *= 0.1
     x[mf.XBA : mf.XBA + 3] *= 0.1
     rest = np.concatenate([x[mf.XBG : mf.XBG + 3], _gravity(x)[0], x[mf.XTG : mf.XTG + 3], _gravity(x)[1]])
@@ -127,13 +133,15 @@ def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
         rest[3:6], rest[9:12] = common, _carried(x, common)
     at = 3 if which == "base" else 9
     predicted = {"base": lambda s: _gravity(s)[0], "target": lambda s: _gravity(s)[1], "common": lambda s: _carried(s, common)}[which]
-    sd = SIZES.acc_moving + (0.1 * np.linalg.norm(common) if which == "common" else 0.0)
+    sd = SIZES.acc_moving + 0.1 * np.linalg.norm(common) if which == "common" else SIZES.acc_still
     told = sd**2 * SIZES.alike / dt / sure**2
     for axis in range(3):
         pushed = rest.copy()
         pushed[at + axis] += 0.05
-        here, there = (_difference(x, _vertical(SIZES, x, sure**2 * np.eye(46), now, dt)) for now in (rest, pushed))
-        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(46)]
+        here, there = (
+            _difference(x, _told(SIZES, x, sure**2 * np.eye(49), now, which == "base", which == "target", dt)) for now in (rest, pushed)
+        )
+        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(49)]
         np.testing.assert_allclose(told * (there - here) / 0.05, numeric, atol=2e-3)
 
 

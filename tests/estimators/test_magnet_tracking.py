@@ -154,6 +154,20 @@ def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
         assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
 
 
+def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None:
+    """The trunk turns by a degree and passes for standing still: what the filter errs by as readings wander is neither movement nor lateness."""
+    for seed in (5, 6):
+        m = sim.condition("hand", np.random.default_rng(seed), 30.0)
+        at = np.full(len(m.t), 60)  # where the hand began
+        breath = quat.exp(np.radians(1.0) * np.sin(2 * np.pi * 0.25 * m.t)[:, None] * np.array([1.0, 0.25, 0.25]))
+        q = np.stack([quat.multiply(m.q[at, k], breath if k == 0 else np.tile(quat.IDENTITY, (len(at), 1))) for k in range(2)], axis=1)
+        rate = np.radians(1.0) * 2 * np.pi * 0.25 * np.cos(2 * np.pi * 0.25 * m.t)[:, None] * np.array([1.0, 0.25, 0.25])
+        m = Motion(m.t, m.p[at], q, np.stack([rate, np.zeros_like(rate)], axis=1), np.zeros_like(m.a))
+        track = tracking.tracked(PARAMS, *_made(m, seed))
+        assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1)).all()
+        assert (np.abs(track.lateness) < 4 * track.lateness_sd).all(), "no magnetometer is late"
+
+
 def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(both: tuple[Motion, Setup, Readings, Track]) -> None:
     """At the pace at which it becomes unsure: kept for good, it drew a hand at rest before a breathing trunk away, 2 cm within a minute."""
     _, setup, readings, _ = both
