@@ -144,17 +144,15 @@ def test_how_the_tips_stand_against_each_other_is_as_sure_as_a_cuff_holds_its_se
 
 
 def test_slopes_of_what_tells_how_the_tips_turn_are_differences() -> None:
-    """Gravity of either tip and what both see alike, (6.14); the balance of the forces, (6.13), by the cuffs' turns and those of the tips about the vertical."""
+    """Gravity of either tip and what both see alike, (6.14); the balance of the forces, (6.13)."""
     tips, _ = held(0.0, 4)
     params, h = TipParams(), 1e-6
     rows = tip_orientation._measurements(params, tips, 1, np.zeros(12))
     assert [len(missed) for missed, _, _ in rows] == [3, 3, 3, 3, 2]
     ahead, behind = ([tip_orientation._measurements(params, tips, 1, sign * dx) for dx in h * np.eye(12)] for sign in (1.0, -1.0))
     slopes = [np.stack([(b[k][0] - a[k][0]) / (2 * h) for a, b in zip(ahead, behind)], axis=1) for k in range(5)]
-    for (_, H, _), slope in zip(rows[:4], slopes):
-        np.testing.assert_allclose(H, slope, atol=1e-6)
-    np.testing.assert_allclose(rows[4][1][:, 6:], slopes[4][:, 6:], atol=1e-6)
-    np.testing.assert_allclose(rows[4][1][:, [2, 5]], slopes[4][:, [2, 5]], atol=0.02)  # these turns leave the vertical where it is
+    for k, ((_, H, _), slope) in enumerate(zip(rows, slopes)):
+        np.testing.assert_allclose(H, slope, atol=0.01 if k == 4 else 1e-6)  # N: that the two verticals are not quite one is left out of (6.13)
 
 
 def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
