@@ -25,6 +25,7 @@ VERBS = {
     "assess": "measures of a recording as JSON and CSV, and a report",
     "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
     "locate": "where a magnet is, from the recording of any magnetometer array",
+    "learn-magnet": "where magnetometers and magnet sit, from half a minute of movement",
     "info": "say what a recording holds and what was cut",
     "export": "write any recording as Motion-BIDS",
     "bench": "speed and memory of the hot paths",

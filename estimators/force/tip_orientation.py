@@ -150,7 +150,7 @@ def _measurements(params: TipParams, tips: Tips, k: int, x: Array) -> list[tuple
         noise = S * params.force_noise**2 + params.force_scale**2 * float((force**2).sum())
         H = across @ _turning(S, {s: force[s] for s in range(S)})
         tilted = H.copy()  # the vertical is the tips' own: it turns with them
-        for s in own:
+        for s in (int(one) for one in own):
             tilted[:, 3 * s : 3 * s + 3] += np.cross(across, force.sum(axis=0)) / len(own)
         used.append((-across @ force.sum(axis=0), np.hstack([tilted, H @ _in_global(q)]), np.eye(2) * noise * alike))
     return used

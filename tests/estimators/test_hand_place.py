@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import hand_place, magnet_streams
+from estimators import hand_place, magnet_learning, magnet_streams
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hand_geometry import sized
 from estimators.hand_place import PlaceParams, Places, Setting
+from estimators.magnet_learning import Roughly
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, Block, Stream
@@ -171,3 +172,40 @@ def test_readings_between_two_samples_lie_on_the_line_between_them_and_holes_sta
     told, inertial = np.concatenate([early.mag[:, 0, 0], late.mag[:, 0, 0]]), np.concatenate([early.base[:, 0], late.base[:, 0]])
     np.testing.assert_allclose(inertial, [np.nan, 1, 2, np.nan, np.nan, np.nan, np.nan, 7, np.nan, np.nan], atol=1e-12)
     np.testing.assert_allclose(told, [np.nan, 1, np.nan, np.nan, 4, 5, np.nan, np.nan, np.nan, np.nan], atol=1e-12)
+
+
+def test_what_was_told_roughly_is_learnt_from_movement() -> None:
+    """The moment by a fifth, the magnet by a centimetre and magnetometers by 3 mm amiss; half of it or less is left, as sure as it says."""
+    before, after, surprise = [], [], []
+    for seed in (2, 6):
+        rng, errors = np.random.default_rng(seed), MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06)
+        m = sim.condition("both", np.random.default_rng(seed + 100), 40.0)
+        worn, plate = _worn(seed, errors)
+        x, y, z = (float(v) for v in 0.85 * quat.rotate(quat.exp(np.radians(6.0) * rng.normal(size=3)), np.array(plate.moment)))
+        off = [float(v) for v in np.array(plate.place) + 0.008 * rng.normal(size=3)]
+        places = {name: (p[0] + 0.003 * rng.normal(), p[1] + 0.003 * rng.normal(), p[2]) for name, p in plate.places.items()}
+        rough = replace(plate, moment=(x, y, z), place=(off[0], off[1], off[2]), places=places)
+        found = magnet_learning.learnt(rough, Roughly(), _blocks(m, worn), MOUNTING)
+        errors_of = [
+            (np.array(found.plate.moment) - worn.moment, found.moment_sd),
+            (np.array(found.plate.place) - worn.lever, found.place_sd),
+            (np.array([found.plate.places[name] for name in found.magnetometers]) - worn.places, found.places_sd),
+        ]
+        before.append([np.linalg.norm(np.array(rough.moment) - worn.moment), np.linalg.norm(np.array(rough.place) - worn.lever)])
+        after.append([np.linalg.norm(error) for error, _ in errors_of[:2]])
+        surprise.append([((error / sd) ** 2).mean() for error, sd in errors_of])
+    assert (np.mean(after, axis=0) < 0.5 * np.mean(before, axis=0)).all()
+    assert (np.mean(surprise, axis=0) < 2.5).all()
+
+
+def test_a_magnet_that_was_hardly_near_or_is_contradicted_is_not_learnt() -> None:
+    worn, plate = _worn(1)
+    m = sim.condition("both", np.random.default_rng(11), 20.0)
+    gone = sim.away(m, -2.0, 30.0)
+    with pytest.raises(InputError, match=r"near enough to be followed for .* Move it 10 to 30 cm"):
+        magnet_learning.learnt(plate, Roughly(), _blocks(gone, worn), MOUNTING)
+    near = MagneticField(np.zeros(3), np.array([[0.15, 0.35, 0.0]]), np.array([[0.0, 3.0, 0.0]]))
+    with pytest.raises(InputError, match="contradict everything near what was told"):
+        magnet_learning.learnt(plate, Roughly(), _blocks(m, worn, near), MOUNTING)
+    with pytest.raises(InputError, match="no magnetometers on the trunk"):
+        magnet_learning.learnt(None, Roughly(), _blocks(m, worn)[:2], MOUNTING)

@@ -152,7 +152,9 @@ def test_slopes_of_what_tells_how_the_tips_turn_are_differences() -> None:
     ahead, behind = ([tip_orientation._measurements(params, tips, 1, sign * dx) for dx in h * np.eye(12)] for sign in (1.0, -1.0))
     slopes = [np.stack([(b[k][0] - a[k][0]) / (2 * h) for a, b in zip(ahead, behind)], axis=1) for k in range(5)]
     for k, ((_, H, _), slope) in enumerate(zip(rows, slopes)):
-        np.testing.assert_allclose(H, slope, atol=0.01 if k == 4 else 1e-6)  # N: that the two verticals are not quite one is left out of (6.13)
+        np.testing.assert_allclose(
+            H, slope, atol=0.01 if k == 4 else 1e-6
+        )  # N: that the two verticals are not quite one is left out of (6.13)
 
 
 def test_what_twists_a_fingertip_is_told_wherever_it_is_touched() -> None:
