@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
     located = search.located(array.moment, size_sd)
     located = replace(located, found=located.found & ~_among_strange(read.t, located, worst_misfit(len(array.names))))
-    doubted = _moment_doubted(search, array.moment, located) + _calibration_unknown(array, bool(arguments.turned))
+    doubted = _moment_doubted(search, array.moment, located)
     if doubted:  # what agrees with what is told by chance is no place
         located = replace(located, found=np.zeros_like(located.found))
     table = np.column_stack(
@@ -226,15 +226,6 @@ def _strange(array: Described, mag: Array, located: Located) -> list[str]:
                 "magnetometers' places in m? Places ten times too large make moments a thousand times too large"
             )
     return said
-
-
-def _calibration_unknown(array: Described, turned: bool) -> list[str]:
-    """A sentence where a few magnetometers may never have been calibrated: iron and turned chips then look like a magnet somewhere."""
-    if turned or array.calibration_sd is not None or len(array.names) >= FEW:
-        return []
-    return [
-        f"{len(array.names)} magnetometers are too few to see by themselves that they were never calibrated: no place is told as found until --turned or `calibration_sd` is"
-    ]
 
 
 def _moment_doubted(search: Search, moment: float | None, located: Located) -> list[str]:
