@@ -39,22 +39,11 @@ export function mount(root, api, { id, go, title, roles }) {
       const name = ({ started }) => title(t("session.title", { day: day(started), patient: session.patient.pseudonym }));
       record.watch(name);
       name(session);
-      const recomputed = (pairs) => follow(pairs, result);
+      const recomputed = (pairs) => (results.follow(pairs, result), load());
       leave = draw(root, api, { session, record, draft, result, go, reload: load, recomputed, treats: roles.includes("clinician") });
     } catch (error) {
       gone || box.show(error, h("p", {}, h("a", { href: "/" }, t("patients.back"))));
     }
-  }
-
-  /** Look at what stands now in place of the result shown, by pairs { before, now }; what is being typed stays. */
-  function follow(pairs, shown) {
-    const asked = new URLSearchParams(location.search);
-    const now = pairs.find(({ before }) => before === shown?.id)?.now ?? pairs[0]?.now;
-    if (asked.has("result")) {
-      now ? asked.set("result", now) : asked.delete("result");
-      history.replaceState(null, "", `${location.pathname}?${asked}`);
-    }
-    return load();
   }
 
   load();

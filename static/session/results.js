@@ -30,3 +30,12 @@ export function resultWords(r) {
     state: t(r.current ? `result.state.${r.state}` : "results.before"),
   });
 }
+
+/** The address names what stands now in place of the result shown, by pairs { before, now }, where it named one. */
+export function follow(pairs, shown) {
+  const asked = new URLSearchParams(location.search);
+  if (!asked.has("result")) return;
+  const now = pairs.find(({ before }) => before === shown?.id)?.now ?? pairs[0]?.now;
+  now ? asked.set("result", now) : asked.delete("result");
+  history.replaceState(null, "", `${location.pathname}?${asked}`);
+}

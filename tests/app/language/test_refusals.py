@@ -23,6 +23,7 @@ COMMAND_LINE = (
     *("sessions/database.py", "sessions/database_dump.py", "sessions/motion_bids/kinematics.py", "estimators/magnetometer_sphere.py"),
     *(
         "estimators/magnet_array.py",
+        "estimators/magnet_learning.py",
         "estimators/marker_clusters.py",
         "estimators/measures/synchronisation.py",
         "estimators/measures/tip_errors.py",

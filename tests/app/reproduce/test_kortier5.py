@@ -3,7 +3,7 @@
 import math
 
 from app.reproduce import Wanted, kortier5, published
-from app.reproduce.kortier5 import LIMITS, MAGNETOMETERS, MOVEMENTS, Trial
+from app.reproduce.kortier5 import LIMITS, MAGNETOMETERS, MOVEMENTS, WHAT, Trial
 
 
 def test_one_trial_gives_every_figure_with_four_and_with_one() -> None:
@@ -15,7 +15,8 @@ def test_one_trial_gives_every_figure_with_four_and_with_one() -> None:
 
 
 def test_the_thesis_stands_beside_ours() -> None:
-    figures = {"position": 10.0, "relative": 3.0, "trunk": 5.0, "honesty": 1.0, "far": 10.0, "quiet": 10.0, "doubtful": 0.0, "back": 30.0}
+    figures = {"position": 10.0, "relative": 3.0, "trunk": 5.0, "far": 10.0, "quiet": 10.0, "doubtful": 0.0, "back": 30.0}
+    figures |= {f"{what}{told}": 1.0 for what in WHAT for told in ("", ", as simulated")}
     trials = kortier5.trials(Wanted(seeds=2))
     found = kortier5.finding(Wanted(seeds=2), [(t, dict.fromkeys(MAGNETOMETERS, figures)) for t in trials])
     assert len(trials) == 2 * len(MOVEMENTS)
