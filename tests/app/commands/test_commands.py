@@ -149,6 +149,8 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Pa
         (["simulate", "juggle", "--out", "x.zip"], "there is no task 'juggle' to simulate"),
         (["simulate", "rest", "--out", "x"], "does not end in .zip"),
         (["simulate", "rest", "--out", "nowhere/x.zip"], "cannot be written"),
+        (["learn-magnet", "RECORDING", "--out", "x.json"], "cannot be learnt from this recording: it has no magnetometers on the trunk"),
+        (["learn-magnet", "RECORDING", "--out", "x.json", "--moment-error", "5"], "option moment is '5.0'; it is between 0.001 and 0.5"),
         (["bench", "everything"], "there is no benchmark 'everything'"),
         (["glove", "--pty", "x", "--strips", "toe"], "unknown strip 'toe'"),
         (["glove", "--pty", "x", "--task", "juggle"], "there is no task 'juggle'"),
