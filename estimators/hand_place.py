@@ -116,14 +116,19 @@ def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Plac
 
 def followed(s: Setting, blocks: Sequence[Block]) -> Places:
     """A whole recording: the same steps as live. InputError where the readings cannot be T."""
+    return joined([_told(s, track) for track in tracked(s, blocks)[1]])
+
+
+def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracking.State, list[Track]]:
+    """What the filter makes of a whole recording, and where it ends. InputError where the readings cannot be T."""
     waiting, first = magnet_streams.take(Waiting(s.magnetometers, {}), blocks, s.params.patience)
     try:
         magnet_setup.require_field(first.mag)
     except InputError as problem:
         raise InputError(f"{UNHEARD}: {problem}") from None
     following, begun = magnet_tracking.step(s.params, magnet_tracking.start(s.setup), first)
-    _, late = magnet_tracking.step(s.params, following, magnet_streams.rest(waiting))
-    return joined([_told(s, begun), _told(s, late)])
+    following, late = magnet_tracking.step(s.params, following, magnet_streams.rest(waiting))
+    return following, [begun, late]
 
 
 def joined(pieces: Sequence[Places]) -> Places:

@@ -268,9 +268,7 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
             P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
     put(carried, P[:OWN, :OWN])
     gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
-    acc = (
-        2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push
-    )  # of both accelerometers, half of it the base's
+    acc = 2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push  # of both accelerometers: half is the base's
     for i in range(OWN):  # the base's gyroscope moves p, v and both orientations by the same error
         for j in range(OWN):
             for k in range(3):

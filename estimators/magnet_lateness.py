@@ -57,26 +57,27 @@ def turns(x: Array, way: Array) -> tuple[Array, Array]:
 
 
 @inlined
-def unsettled(P: Array) -> bool:
-    """Whether the filter is not sure of the velocity."""
-    return bool(P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2] > UNSURE**2)
+def unsure(P: Array) -> float:
+    """Variance of the filter's velocity."""
+    out: float = P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2]
+    return out
 
 
 @inlined
 def lively(way: Array, P: Array) -> bool:
-    """Whether trunk or hand move so that a reading a hundredth of a second late differs by more than a filter at rest wanders."""
-    base, target, speed, unsure = 0.0, 0.0, 0.0, 0.0
+    """Whether the velocity is known, and trunk or hand move so that a reading a hundredth of a second late differs by more than a filter at rest wanders."""
+    base, target, speed = 0.0, 0.0, 0.0
     for i in range(3):
         base, target, speed = base + way[WB + i] ** 2, target + way[WT + i] ** 2, speed + way[VS + i] ** 2
-        unsure += P[V_ + i, V_ + i]
-    return bool(max(base, target) > TURNING**2 or speed > max(TRAVELLING**2, SURELY**2 * unsure))
+    moves = max(base, target) > TURNING**2 or speed > max(TRAVELLING**2, SURELY**2 * unsure(P))
+    return bool(moves and unsure(P) <= UNSURE**2)
 
 
 @inlined
 def settled(way: Array, x: Array, P: Array, v: Array, dt: float) -> None:
     """The way's velocity in place: carried as the filter's was from v (3,) on by accelerations and the base's turning, and slowly drawn to it; the
     filter's own where dt is 0 and while it is not sure of it, so that a hand found again does not drag the velocity of the lost one along."""
-    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 and not unsettled(P) else 1.0
+    toward = 1.0 - math.exp(-dt / SLOW) if dt > 0 and unsure(P) <= UNSURE**2 else 1.0
     apart, back_b, one = np.empty(3), np.empty(3), np.zeros(4)
     one[0] = 1.0
     for i in range(3):

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import hand_place, magnet_streams, magnet_tracking
+from estimators import hand_place, magnet_tracking
 from estimators.errors import InputError
 from estimators.hand_place import PlaceParams
 from estimators.magnet_filter import LEV, MOM
 from estimators.magnet_plate import Place, Plate
-from estimators.magnet_streams import Waiting
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import Block
@@ -55,11 +54,8 @@ def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mount
         raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
     if len(s.magnetometers) < 2:
         raise InputError(f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more.")
-    waiting, first = magnet_streams.take(Waiting(s.magnetometers, {}), blocks, s.params.patience)
-    state, early = magnet_tracking.step(s.params, magnet_tracking.start(s.setup), first)
-    state, late = magnet_tracking.step(s.params, state, magnet_streams.rest(waiting))
-    doubtful = np.concatenate([early.doubtful, late.doubtful])
-    sd = np.concatenate([early.p_sd, late.p_sd])
+    state, tracks = hand_place.tracked(s, blocks)
+    doubtful, sd = np.concatenate([t.doubtful for t in tracks]), np.concatenate([t.p_sd for t in tracks])
     if state.x is None or not len(sd):
         raise InputError(f"{REFUSED}: trunk, hand and magnetometers were never read at the same time.")
     known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.sure

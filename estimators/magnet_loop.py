@@ -50,8 +50,8 @@ from estimators.magnet_filter import (
     transposed,
     widened,
 )
-from estimators.magnet_lateness import TELLS, lively, settled, unsettled, went_on
-from estimators.magnet_reading import EVIDENCE, compared, kept, magnetometers, read, searched, sought
+from estimators.magnet_lateness import TELLS, lively, settled, went_on
+from estimators.magnet_reading import EVIDENCE, answered, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
 
@@ -88,20 +88,12 @@ def forgotten(s: Sizes, x: Array, P: Array, centre: Array, turn: float) -> None:
 
 @inlined
 def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
-    """Normalised innovation squared of the magnetometers' axes, a degree of freedom; negative where none answered."""
+    """Normalised innovation squared of the magnetometers' axes, a degree of freedom, of which some must have answered."""
     rows = 3 * len(mag)
     H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
-    count = compared(s, x, way, mag, 1.0, H, missed, noise)
-    return correct(P.copy(), missed, H, noise, np.empty(len(P))) / count if count else -1.0
-
-
-@inlined
-def answered(mag: Array) -> int:
-    """How many axes did."""
-    count = 0
-    for k in range(len(mag)):
-        count += 3 * (not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]))
-    return count
+    compared(s, x, way, mag, 1.0, H, missed, noise)
+    out: float = correct(P.copy(), missed, H, noise, np.empty(len(P))) / answered(mag)
+    return out
 
 
 @inlined
@@ -369,15 +361,16 @@ def followed(
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        way[TELLS] = 0.0 if wide or unsettled(P) or not lively(way, P) else 1.0
-        new = surprise(s, x, P, way, mags[n])
-        if new >= 0:
+        way[TELLS] = 0.0 if wide or not lively(way, P) else 1.0
+        count = answered(mags[n])
+        if count:
+            new = 0.0 if wide else surprise(s, x, P, way, mags[n])
             since = min(mood[SILENT] + step, 0.2)
             mood[SILENT] = 0.0
             if new < GATE or wide:
                 x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left)
             if wide:  # before it was found nothing could be expected: what no place explains is a surprise
-                new = left[0] / answered(mags[n])
+                new = left[0] / count
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:

@@ -103,20 +103,27 @@ def read(x: Array, way: Array, k: int, H: Array) -> Array:
 
 
 @inlined
-def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> int:
+def answered(mag: Array) -> int:
+    """How many axes did."""
+    count = 0
+    for k in range(len(mag)):
+        count += 3 * (not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]))
+    return count
+
+
+@inlined
+def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> None:
     """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
-    `grown`; gives how many axes did."""
-    count, h = 0, np.zeros((3, H.shape[1]))
+    `grown`."""
+    h = np.zeros((3, H.shape[1]))
     for k in range(len(mag)):
         reads = read(x, way, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
-        count += 3 * there
         for i in range(3):
             row = 3 * k + i
             noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i] if there else 0.0
             for j in range(H.shape[1]):
                 H[row, j] = h[i, j] if there else 0.0
-    return count
 
 
 @inlined

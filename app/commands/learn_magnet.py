@@ -13,6 +13,7 @@ from estimators.hand_anatomy import HANDS
 from estimators.magnet_learning import Learnt, Roughly
 from estimators.magnet_plate import Plate, table_of
 from estimators.options import describe
+from estimators.quaternions import Array
 from sessions import formats
 from sessions.writing import save_file
 
@@ -70,9 +71,9 @@ def _moved(told: tuple[float, float, float], found: tuple[float, float, float]) 
     return f"{MM * float(np.linalg.norm(np.subtract(found, told))):.1f}"
 
 
-def _rms(sd: np.ndarray) -> str:
+def _rms(sd: Array) -> str:
     return f"{MM * float(np.sqrt((sd**2).mean())):.1f}"
 
 
-def _hardly(sd: np.ndarray, told: float) -> str:
+def _hardly(sd: Array, told: float) -> str:
     return "; this movement hardly told it" if float(np.sqrt((sd**2).mean())) > HARDLY * told else ""
