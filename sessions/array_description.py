@@ -14,7 +14,7 @@ from estimators.quaternions import Array
 PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
 ISO = "iso"
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
-ENTRIES = ("unit", "earth", "limit", "moment", "place_sd", "calibration_sd", "time", "rate", "magnetometers")
+ENTRIES = ("unit", "earth", "limit", "moment", "place_sd", "calibration_sd", "time", "rate", "sensor", "columns", "magnetometers")
 OF_EACH = ("place", "q_bl", "columns")
 Column = str | int  # its name, or its number counted from 1
 
@@ -45,6 +45,7 @@ class Described:
     calibration_sd: float | None  # T, of readings that are calibrated already
     time: Timing
     columns: Mapping[str, tuple[Column, ...]]  # x, y, z of those that tell them
+    sensor: Column | None = None  # says whose a row is, where every row is one magnetometer's
 
 
 def described(path: Path) -> Described:
@@ -73,7 +74,12 @@ def _described(told: Mapping[str, Any]) -> Described:
         raise InputError("Tell q_bl of every magnetometer of the array or of none.")
     numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "rate")
     earth, limit, moment, place_sd, calibration_sd, rate = (None if told.get(key) is None else _finite(told[key], key) for key in numbers)
-    unit = told["unit"]
+    unit, sensor = told["unit"], told.get("sensor")
+    if "columns" in told and sensor is None:
+        raise InputError(
+            "`columns` of the whole array are those of rows of one magnetometer each: tell `sensor`, the column that says whose, too."
+        )
+    alike = {} if sensor is None else dict.fromkeys(each, _columns("the array", told.get("columns", ["x", "y", "z"])))
     return Described(
         unit if isinstance(unit, str) else _finite(unit, "unit"),
         tuple(each),
@@ -85,7 +91,8 @@ def _described(told: Mapping[str, Any]) -> Described:
         PLACE_SD if place_sd is None else place_sd,
         calibration_sd,
         _timing(told.get("time"), rate),
-        {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
+        alike or {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
+        sensor,
     )
 
 

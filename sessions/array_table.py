@@ -1,28 +1,27 @@
 """Tables of a magnetometer array, as a bench writes them: one row an instant, columns by name or by number.
 
 In      text, with a header or without; comma, semicolon, tab or spaces between columns, decimal comma where it separates none; lines that begin with # or %
-        are passed over, and so are columns that nobody asks for, text in them too. Empty, n/a or nan is missing
+        are passed over, and so are columns that nobody asks for, text in them too. Empty, n/a or nan is missing. A cell may hold x, y and z: "(1.5, 2, 3)".
+        One row an instant, or one row a magnetometer and instant, of which a column says whose it is
 Out     Table: times and readings by name; docs/magnet-array.md
 """
 
 from array import array as numbers
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
 from estimators.errors import InputError
 from estimators.quaternions import Array
+from sessions.array_cells import MISSING, Line, is_number, lines_of, number_in, opened, spread, without_end
 from sessions.array_description import ISO, Column, Described, Timing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
-MISSING = {"", "n/a", "na", "nan", "null", "none"}
-COMMENT = ("#", "%")
+AXES = ("_x", "_y", "_z")
 LARGEST = 2**30  # bytes of a table
-Line = tuple[int, list[str]]  # its number and its cells
 
 
 @dataclass(frozen=True)
@@ -39,10 +38,13 @@ class Columns:
     t: int | None
     axes: Mapping[str, tuple[int, int, int]]
     own: Mapping[str, int]  # times of those that have their own
+    whose: int | None = None  # the name, where every row is one magnetometer's; then all have the same axes
 
     @property
     def all(self) -> list[int]:
-        return [*([] if self.t is None else [self.t]), *self.own.values(), *(k for three in self.axes.values() for k in three)]
+        leading = [k for k in (self.t, self.whose) if k is not None]
+        each = list(self.axes.values()) if self.whose is None else list(self.axes.values())[:1]
+        return [*leading, *self.own.values(), *(k for three in each for k in three)]
 
 
 def table(path: Path, told: Described) -> Table:
@@ -52,14 +54,21 @@ def table(path: Path, told: Described) -> Table:
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path.name} is larger than 1 GB: cut it into pieces")
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
-        lines = _lines(file)
+        lines = lines_of(file)
         first = next(lines, None)
         if first is None:
             raise InputError(f"{path.name} holds no readings")
-        header = _without_end(first[1])
-        bare = all(_is_number(cell) for cell in header)
-        columns = _columns(path.name, [] if bare else header, len(header), told)
-        rows = _rows(path.name, _again(first, lines) if bare else lines, len(header), columns, told.time)
+        header = without_end(first[1])
+        bare = all(is_number(cell) or opened(cell) for cell in header)
+        second = first if bare else next(lines, None)
+        if second is None:
+            raise InputError(f"{path.name} holds no readings")
+        wide = [bool(opened(cell)) for cell in second[1]][: len(header)] + [False] * (len(header) - len(second[1]))
+        names = [name + axis for name, three in zip(header, wide) for axis in (AXES if three else ("",))]
+        columns = _columns(path.name, [] if bare else names, len(names), told)
+        rows = _rows(path.name, _again(second, lines), wide if any(wide) else [], len(header), columns, told)
+    if columns.whose is not None:
+        return _by_magnetometer(path.name, rows, columns, told)
     t, times = _times(path.name, rows, columns, told.time)
     where = {k: i for i, k in enumerate(columns.all)}
     return Table(t, {name: rows[:, [where[k] for k in axes]] for name, axes in columns.axes.items()}, times)
@@ -68,34 +77,6 @@ def table(path: Path, told: Described) -> Table:
 def _again(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
     yield first
     yield from rest
-
-
-def _lines(file: TextIO) -> Iterator[Line]:
-    """Cells of every line that is neither empty nor a comment."""
-    mark: str | None = None
-    for number, line in enumerate(file, 1):
-        text = line.rstrip("\r\n")
-        if not text.strip() or text.lstrip().startswith(COMMENT):
-            continue
-        if mark is None:
-            mark = next((m for m in "\t;," if m in text), " ")
-        cells = [cell.strip().strip('"') for cell in (text.split() if mark == " " else text.split(mark))]
-        yield number, cells if mark == "," else [cell.replace(",", ".") for cell in cells]
-
-
-def _without_end(cells: list[str], many: int = 1) -> list[str]:
-    """Without empty cells behind the separator with which a line ends."""
-    while len(cells) > many and not cells[-1]:
-        cells = cells[:-1]
-    return cells
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return cell.lower() in MISSING
-    return True
 
 
 def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Columns:
@@ -111,6 +92,8 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
                 f"`columns`; there is no column {told.time.column!r} but {_some(header, many)}"
             )
         time = place[told.time.column]
+    if told.sensor is not None:
+        return _of_long(file, header, many, told, place, time)
     axes, own = {}, {}
     for name in told.names:
         asked = told.columns.get(name)
@@ -126,20 +109,34 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
     return Columns(time, axes, own)
 
 
+def _of_long(file: str, header: Sequence[str], many: int, told: Described, place: Mapping[Column, int], time: int | None) -> Columns:
+    """Where every row is one magnetometer's: whose stands in a column of its own."""
+    asked = told.columns[told.names[0]]
+    x, y, z, whose = (place.get(column) for column in (*asked, told.sensor) if column is not None)
+    if x is None or y is None or z is None or whose is None:
+        raise InputError(
+            f"{file} lacks one of the columns {', '.join(map(str, asked))} and {told.sensor}, told as `columns` and `sensor`; it has {_some(header, many)}"
+        )
+    return Columns(time, dict.fromkeys(told.names, (x, y, z)), {}, whose)
+
+
 def _some(header: Sequence[str], many: int) -> str:
     return ", ".join(header[:6]) + (", ..." if len(header) > 6 else "") if header else f"{many} columns without names, counted from 1"
 
 
-def _rows(file: str, lines: Iterator[Line], many: int, columns: Columns, time: Timing) -> Array:
-    """The columns asked for (n, k); one number takes 8 bytes, not a Python object."""
+def _rows(file: str, lines: Iterator[Line], wide: Sequence[bool], many: int, columns: Columns, told: Described) -> Array:
+    """The columns asked for (n, k); one number takes 8 bytes, not a Python object. `wide`: which cells hold three, empty where none does."""
     wanted, values = columns.all, numbers("d")
-    stamp = columns.t if time.unit == ISO else None
+    reading: list[Callable[[str], float]] = [_instant if k == columns.t and told.time.unit == ISO else number_in for k in wanted]
+    if columns.whose is not None:
+        reading[wanted.index(columns.whose)] = _whose(told.names)
     for number, line in lines:
-        cells = _without_end(line, many)
+        cells = without_end(line, many)
         if len(cells) != many:
             raise InputError(f"{file}, line {number}: {len(cells)} columns where the first line has {many}")
         try:
-            values.extend(_instant(cells[k]) if k == stamp else _number(cells[k]) for k in wanted)
+            cells = spread(cells, wide) if wide else cells
+            values.extend(read(cells[k]) for k, read in zip(wanted, reading))
         except ValueError as problem:
             raise InputError(f"{file}, line {number}: {problem}") from problem
     if not values:
@@ -147,8 +144,16 @@ def _rows(file: str, lines: Iterator[Line], many: int, columns: Columns, time: T
     return np.frombuffer(values).reshape(-1, len(wanted))
 
 
-def _number(cell: str) -> float:
-    return float("nan") if cell.lower() in MISSING else float(cell)
+def _whose(names: Sequence[str]) -> Callable[[str], float]:
+    """The number of a magnetometer by its name, also where a table writes 1 as 1.0; NaN of others, whose rows are passed over."""
+    known = {name: float(k) for k, name in enumerate(names)}
+
+    def number(cell: str) -> float:
+        if cell not in known and is_number(cell) and cell.lower() not in MISSING:
+            cell = f"{float(cell):g}"
+        return known.get(cell, float("nan"))
+
+    return number
 
 
 def _instant(cell: str) -> float:
@@ -161,10 +166,38 @@ def _times(file: str, rows: Array, columns: Columns, time: Timing) -> tuple[Arra
         assert time.rate is not None
         return np.arange(len(rows)) / time.rate, {}
     t = rows[:, 0]
+    _require_increasing(file, t)
+    return (t - t[0]) * time.seconds, {name: (rows[:, 1 + k] - t[0]) * time.seconds for k, name in enumerate(columns.own)}
+
+
+def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) -> Table:
+    """Rows (n, k) that are each one magnetometer's; its times are the table's where all have the same, else each has its own."""
+    whose = columns.all.index(columns.whose) if columns.whose is not None else 0
+    parts = {name: rows[rows[:, whose] == k] for k, name in enumerate(told.names)}
+    if missing := [name for name, part in parts.items() if not len(part)]:
+        raise InputError(f"{file} has no magnetometer {missing[0]!r} in its column {told.sensor!r}")
+    readings = {name: part[:, -3:] for name, part in parts.items()}
+    if columns.t is None:
+        most = max(len(part) for part in parts.values())
+        if fewer := [name for name, part in parts.items() if len(part) < most]:
+            raise InputError(
+                f"{file}: {fewer[0]} has {len(parts[fewer[0]])} rows, others {most}: without times it cannot be told which belong together"
+            )
+        assert told.time.rate is not None
+        return Table(np.arange(most) / told.time.rate, readings, {})
+    for name, part in parts.items():
+        _require_increasing(f"{file}, {name}", part[:, 0])
+    times = {name: (part[:, 0] - rows[0, 0]) * told.time.seconds for name, part in parts.items()}
+    first = times[told.names[0]]
+    if all(len(t) == len(first) and (t == first).all() for t in times.values()):
+        times = {}
+    return Table(first, readings, times)
+
+
+def _require_increasing(file: str, t: Array) -> None:
     behind = np.flatnonzero(~(np.diff(t) > 0))
     if len(t) < 2 or not np.isfinite(t).all() or len(behind):
         at = f"; {t[behind[0] + 1]:.10g} comes after {t[behind[0]]:.10g}" if len(behind) else ""
         raise InputError(
             f"{file}: the times must all be there and increase{at}. Where they cannot be mended, tell `rate` in the array's file instead"
         )
-    return (t - t[0]) * time.seconds, {name: (rows[:, 1 + k] - t[0]) * time.seconds for k, name in enumerate(columns.own)}

@@ -164,6 +164,34 @@ def test_tables_of_other_benches_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(magnet_array.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8)
 
 
+def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path) -> None:
+    """As loggers of wearable arrays and data frames write them."""
+    each = {f"Sensor {k}": {"place": [0.1 * k, 0, 0]} for k in (1, 2)}
+    (tmp_path / "a.json").write_text(json.dumps({"unit": "uT", "time": {"column": "Time Stamp", "unit": "iso"}, "magnetometers": each}))
+    start = "2023-08-01 13:03:"
+    rows = [f'0,{start}20.50,"(1.5, 2.0, -3)","[4 5 6]"', f'1,{start}21.00,"(7, 8, 9)",']
+    (tmp_path / "a.csv").write_text("\n".join([",Time Stamp,Sensor 1,Sensor 2", *rows]))
+    read = array_table.table(tmp_path / "a.csv", described(tmp_path / "a.json"))
+    np.testing.assert_allclose(read.t, [0, 0.5])
+    np.testing.assert_array_equal(read.readings["Sensor 1"], [[1.5, 2, -3], [7, 8, 9]])
+    np.testing.assert_array_equal(read.readings["Sensor 2"], [[4, 5, 6], [np.nan] * 3])
+    told = {"unit": "uT", "sensor": "id", "columns": ["Bx", "By", "Bz"], "magnetometers": {k: {"place": [int(k), 0, 0]} for k in "12"}}
+    (tmp_path / "b.json").write_text(json.dumps(told))
+    (tmp_path / "b.csv").write_text(
+        "id,Bx,By,Bz,t,note\n1.0,1,2,3,10,a\n2.0,4,5,6,10.1,a\n3.0,0,0,0,9,a\n1.0,7,8,9,11,b\n2.0,1,1,1,11.1,b\n"
+    )
+    read = array_table.table(tmp_path / "b.csv", described(tmp_path / "b.json"))
+    np.testing.assert_allclose([read.t, read.times["1"], read.times["2"]], [[0, 1], [0, 1], [0.1, 1.1]])
+    np.testing.assert_array_equal([read.readings["1"][1], read.readings["2"][0]], [[7, 8, 9], [4, 5, 6]])
+    for words, rows in (
+        ("no magnetometer '2' in its column", "1,1,2,3,10"),
+        ("b.csv, 1: the times must", "1,1,2,3,10\n1,1,2,3,9\n2,1,2,3,4\n2,1,2,3,5"),
+    ):
+        (tmp_path / "b.csv").write_text(f"id,Bx,By,Bz,t\n{rows}\n")
+        with pytest.raises(InputError, match=words):
+            array_table.table(tmp_path / "b.csv", described(tmp_path / "b.json"))
+
+
 def test_magnetometers_alone_are_a_motion_bids_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No inertial sensor, no hand, in gauss."""
     stem = tmp_path / "sub-01" / "motion" / "sub-01_task-reach_tracksys-mag"

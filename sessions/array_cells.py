@@ -1,0 +1,74 @@
+"""Lines of a table as cells: whatever stands between them, decimal commas, cells in quotes, cells that hold x, y and z.
+
+In      text, cut anywhere into lines
+Out     lines with their numbers, numbers of cells
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from typing import TextIO
+
+from estimators.errors import InputError
+
+MISSING = {"", "n/a", "na", "nan", "null", "none"}
+COMMENT = ("#", "%")
+BRACKETS = {"(": ")", "[": "]"}  # around a cell of three
+Line = tuple[int, list[str]]  # its number and its cells
+
+
+def lines_of(file: TextIO) -> Iterator[Line]:
+    """Cells of every line that is neither empty nor a comment."""
+    mark: str | None = None
+    for number, line in enumerate(file, 1):
+        text = line.rstrip("\r\n")
+        if not text.strip() or text.lstrip().startswith(COMMENT):
+            continue
+        if mark is None:
+            mark = next((m for m in "\t;," if m in text), " ")
+        cells = text.split() if mark == " " else _quoted(text, mark, number) if '"' in text else text.split(mark)
+        cells = [cell.strip().strip('"') for cell in cells]
+        yield number, cells if mark == "," else [cell if opened(cell) else cell.replace(",", ".") for cell in cells]
+
+
+def _quoted(text: str, mark: str, number: int) -> list[str]:
+    try:
+        return next(csv.reader([text], delimiter=mark, skipinitialspace=True))
+    except csv.Error as problem:
+        raise InputError(f"line {number} of the table cannot be read: {problem}") from problem
+
+
+def opened(cell: str) -> list[str]:
+    """The numbers of a cell that holds several: x, y and z; empty of any other cell."""
+    if len(cell) < 2 or BRACKETS.get(cell[0]) != cell[-1]:
+        return []
+    return cell[1:-1].replace(",", " ").replace(";", " ").split()
+
+
+def without_end(cells: list[str], many: int = 1) -> list[str]:
+    """Without empty cells behind the separator with which a line ends."""
+    while len(cells) > many and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
+def is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return cell.lower() in MISSING
+    return True
+
+
+def spread(cells: Sequence[str], wide: Sequence[bool]) -> list[str]:
+    """Every cell that holds three as three."""
+    single: list[str] = []
+    for cell, three in zip(cells, wide):
+        parts = (opened(cell) or [cell] * 3) if three else [cell]
+        if three and len(parts) != 3:
+            raise ValueError(f"{cell} are {len(parts)} numbers where x, y and z are looked for")
+        single += parts
+    return single
+
+
+def number_in(cell: str) -> float:
+    return float("nan") if cell.lower() in MISSING else float(cell)
