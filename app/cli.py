@@ -24,6 +24,7 @@ VERBS = {
     "compare": "how far two recordings of one movement agree",
     "assess": "measures of a recording as JSON and CSV, and a report",
     "calibrate-strip": "calibrate strips laid down in six or more positions, and write it to their flash",
+    "calibrate-force": "what a fingertip's force sensor reads, from loads that are known",
     "locate": "where a magnet is, from the recording of any magnetometer array",
     "learn-magnet": "where magnetometers and magnet sit, from half a minute of movement",
     "info": "say what a recording holds and what was cut",

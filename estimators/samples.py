@@ -37,6 +37,9 @@ class Stream:
     rate: float  # Hz, nominal
     clock: str = "recording"
     full_scale: Mapping[str, float] = field(default_factory=dict)  # largest value of a quantity that the sensor can give, where known
+    scale_sd: Mapping[str, float] = field(
+        default_factory=dict
+    )  # by force sensor that was calibrated, share by which its forces may be wrong
 
     @property
     def inertial(self) -> bool:

@@ -88,6 +88,7 @@ class Trajectory:
     forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
     forces_sd: Array | None = None  # (n, 5, 3) N
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
+    force_scale_sd: Array | None = None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
     torques: Array | None = (
         None  # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame; of sensors with six axes
     )

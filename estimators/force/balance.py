@@ -1,7 +1,7 @@
 """Whether what fingertips push against each other cancels: a finger that is not measured and carries part of the load leaves a rest along the push.
 
 In      of S tips at n instants of one grasp: forces (n, S, 3) N as corrected, specific force (n, S, 3) m/s^2, both in the global frame, the thumb or whoever
-        pushes against the others first; covariance (n, 3S, 3S) of the tips' turns, standard deviation (n, S) N of noise and zero
+        pushes against the others first; covariance (n, 3S, 3S) of the tips' turns, standard deviation (n, S) N of noise and zero, share (S,) by which each scale may be wrong
 Out     the rest, N, and its standard deviation, over the whole grasp
 Source  Kortier, thesis (6.13): the net horizontal force of what is held is zero; looked at along the push alone, ours: a tip that is turned wrong turns its
         force and leaves the sum along it alone, so that nothing but zeros and scales explains a rest there
@@ -17,7 +17,7 @@ from estimators.quaternions import Array
 LEAST = 0.5  # N: who pushes less tells nothing
 
 
-def rest_along_push(force: Array, acc: Array, covariance: Array, sd: Array, scale: float) -> tuple[float, float]:
+def rest_along_push(force: Array, acc: Array, covariance: Array, sd: Array, scale: float | Array) -> tuple[float, float]:
     """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where nobody pushes against another."""
     S = force.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):

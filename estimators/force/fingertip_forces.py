@@ -1,6 +1,6 @@
 """The forces of the fingertips in the global frame, at every instant of the hand's movement, from slow sensors in the fingertips' cuffs.
 
-In      the trajectory of a method, the samples of force sensors and of the inertial sensors on the same cuffs, the calibrations
+In      the trajectory of a method, the samples of force sensors (with how well they are calibrated) and of the inertial sensors on the same cuffs, the calibrations
 Out     the trajectory with forces, of sensors with six axes also torques about the sensors' origins, their standard deviations and flags, and the
         specific force of what is held
 Source  Kortier, thesis 6.2.2: (6.11), (6.13), (6.14); zero.py, interpolation.py, contact.py, tip_orientation.py
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.force import balance, contact, fingertip_torques, interpolation, tip_orientation, zero
-from estimators.force.contact import ContactParams, Grasp, runs
+from estimators.force.contact import ContactParams, Grasp
+from estimators.force.sensor import stuck
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.force.zero import Zero, ZeroParams
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
@@ -27,9 +28,6 @@ from estimators.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
 from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 
 DEG = np.pi / 180
-STUCK = 3  # equal readings at the end of a sensor's range in a row
-REPEATED = 0.5  # share of readings that equal the one before
-FAR = 1.0  # N from the level at rest
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
 UNUSED = "torques without forces of the same fingertip are not used"
 LEAST = 8  # force samples of a sensor that is used
@@ -56,6 +54,10 @@ class Sensor:
     finger: str
     block: Block  # with this sensor alone
 
+    @property
+    def calibrated(self) -> bool:
+        return bool(self.block.stream.scale_sd)
+
 
 def attached(
     params: ForceParams, moved: Trajectory, blocks: Sequence[Block], mounting: Mapping[str, Array], calibrations: Sequence[Calibration]
@@ -68,6 +70,8 @@ def attached(
     rows = [FINGERS.index(f) for f in fingers]
     read = [_read(params, s.block, moved.t) for s in sensors]
     force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
+    scale = _scales(params, sensors)
+    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())))
     q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
     found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
     unknown = (params.tip_sd**2 + params.cuff_sd**2) * DEG**2
@@ -78,7 +82,7 @@ def attached(
         flags[a:b, _left_reading(params, sensors, read, moved.t, grasp, following)] |= np.uint8(ForceFlag.DRIFT)
         here = np.flatnonzero(known[a:b].all(axis=0))
         if b - a > 3 and len(here) >= 2:
-            told = tip_orientation.corrected(params, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
+            told = tip_orientation.corrected(aligning, Tips(moved.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr))))
             for j, s in enumerate(here):
                 turn[a:b, s], inertial[a:b, s] = told.turn[:, j], told.inertial[:, j]
                 covariance[a:b, s] = told.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
@@ -88,7 +92,7 @@ def attached(
                 quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
                 for by, v in ((told.turn, force), (told.inertial, acc))
             )
-            rest, rest_sd = balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], params.force_scale)
+            rest, rest_sd = balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], scale[here])
             if abs(rest) > params.shared * rest_sd:
                 flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
     q, q_inertial = (quat.multiply(quat.exp(by), q_GF) for by in (turn, inertial))
@@ -96,7 +100,7 @@ def attached(
     own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)
+    total = np.sqrt(sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned)
     spread = _Spread(len(moved), rows)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(own).all(axis=2, keepdims=True)
@@ -106,6 +110,7 @@ def attached(
         forces=spread.over_fingers(in_global),
         forces_sd=spread.over_fingers(total),
         force_flags=spread.over_fingers(flags, 0),
+        force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1))) if any(s.calibrated for s in sensors) else None,
         lifting=lifting,
     )
     twisted, doubts = _with_torques(params, felt, spread, blocks, sensors, read, q, covariance)
@@ -174,7 +179,7 @@ def _with_torques(
             if fingertip_torques.impossible(block):
                 doubts.append(f"{sensor.finger}: torques that no fingertip exerts were left out; check their unit")
             raw = block.of(TORQUE)[:, 0]
-            limited = block.at_limit(TORQUE)[:, 0] | _stuck(raw / fingertip_torques.LEVER)
+            limited = block.at_limit(TORQUE)[:, 0] | stuck(raw / fingertip_torques.LEVER)
             torque = fingertip_torques.read(block, limited, params.torque_drift, sensor.block.t, read[s].free, felt.t)
             if torque is not None:
                 values[:, s], sd[:, s] = np.where(_around(block.t, limited, felt.t)[:, None], np.nan, torque.values), torque.sd
@@ -185,7 +190,7 @@ def _with_torques(
     in_global = quat.rotate(q_GF, values)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    total = np.sqrt(sd[..., None] ** 2 + (params.force_scale * in_global) ** 2 + turned)
+    total = np.sqrt(sd[..., None] ** 2 + (_scales(params, sensors)[:, None] * in_global) ** 2 + turned)
     return replace(felt, torques=spread.over_fingers(in_global), torques_sd=spread.over_fingers(total)), doubts
 
 
@@ -203,7 +208,14 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
 
 def _alone(block: Block, k: int) -> Block:
     """The block with its k-th sensor alone."""
-    return replace(block, stream=replace(block.stream, sensors=block.stream.sensors[k : k + 1]), values=block.values[:, k : k + 1])
+    point = block.stream.sensors[k]
+    known = {point: block.stream.scale_sd[point]} if point in block.stream.scale_sd else {}
+    return replace(block, stream=replace(block.stream, sensors=(point,), scale_sd=known), values=block.values[:, k : k + 1])
+
+
+def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
+    """Share (S,) by which the forces of each sensor may be wrong alike: its calibration's, or what is usual."""
+    return np.array([next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors])
 
 
 @dataclass(frozen=True)
@@ -244,7 +256,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
 def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool_], Array, Zero]:
     """One sensor's readings (n, 1, 3) without those at a limit, which those are (n,), the noise of one, and what is read of nothing."""
     raw = block.of(FORCE)
-    limited = block.at_limit(FORCE)[:, 0] | _stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
+    limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.noise_of(block.t, values)
     return values, limited, noise, zero.found(params, block.t, values, noise)
@@ -253,23 +265,6 @@ def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool
 def _zero_sd(nothing: Zero, near: NDArray[np.int_]) -> Array:
     """How sure the zero is: a jump between before and behind tells that it drifts more than was thought."""
     return np.asarray(nothing.sd[near, 0] * np.maximum(1.0, nothing.jump[near, 0]))
-
-
-def _stuck(values: Array) -> NDArray[np.bool_]:
-    """Readings (n,) with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
-
-    Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
-    """
-    found = np.zeros(len(values), bool)
-    for axis in values.T:
-        known = axis[np.isfinite(axis)]
-        if len(known) < 8 or (np.diff(known) == 0).mean() > REPEATED:
-            continue
-        for end in (known.min(), known.max()):
-            if abs(end - np.median(known)) > FAR:
-                for a, b in runs(axis == end):
-                    found[a : b + 1] |= b - a + 1 >= STUCK
-    return found
 
 
 def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_]:

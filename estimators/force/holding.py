@@ -45,6 +45,7 @@ class Holding:
         None  # (n, S) Nm about the normal of each fingertip, as a right-handed screw driven the way its pad faces; NaN where not known
     )
     twist_sd: Array | None = None  # (n, S) Nm
+    scale_sd: Array | None = None  # (S,) share by which each sensor's forces may be wrong alike, where one was calibrated
 
     @property
     def net(self) -> Array:
@@ -76,6 +77,14 @@ class Holding:
         k = self.fingers.index("thumb")
         others = np.delete(self.forces, k, axis=1).sum(axis=1)
         return np.asarray(0.5 * ((others - self.forces[:, k]) * self.axis).sum(axis=1))
+
+    @property
+    def squeeze_scale_sd(self) -> float | None:
+        """Share by which `squeeze` may be wrong alike, where the sensors were calibrated: half of either side's, the worst of the fingers'."""
+        if self.scale_sd is None:
+            return None
+        k = self.fingers.index("thumb")
+        return float(0.5 * np.hypot(self.scale_sd[k], np.delete(self.scale_sd, k).max()))
 
     @property
     def shares(self) -> Array:
@@ -136,6 +145,7 @@ def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | 
         *_turning(part, fingers),
         np.stack([_risen(part.t, a)[0] for a in (part.lifting - np.array([0.0, 0.0, GRAVITY])).T], axis=1),
         *_twist(part, fingers),
+        part.force_scale_sd[:, rows].mean(axis=0) if part.force_scale_sd is not None and len(part) else None,
     )
 
 

@@ -1,48 +1,178 @@
 """What a force sensor's raw readings mean: matrix and offset, told by loads that are known.
 
-In      raw readings (n, k) of k channels under known loads (n, 3) N, or (n, 6) N and Nm
-Out     ForceCalibration: loads = matrix @ (raw - offset), with the standard deviation of what it leaves
-Source  Kortier, thesis 6.2: channels of a six-axis sensor; least squares: usual for multi-axis sensors. What the offset drifts by while worn: zero.py
-Limits  linear: hysteresis and temperature stay in the residuals
+In      raw readings (n, k) of k channels under known loads (n, 3) N, or (n, 6) N and Nm, as a fingertip would exert them, in the sensor's frame
+Out     Solved: loads = matrix @ (raw - offset) with standard deviations, what is left over, which loads were left out
+Source  Kortier, thesis 6.2: channels of a six-axis sensor; least squares with errors in the readings alone: usual for multi-axis sensors. A load that does not
+        belong: the fall of the sum of squares without it (Cook & Weisberg 1982, Residuals and Influence in Regression, 2.2). What the offset drifts by while worn: zero.py
+Limits  linear: what is not (hysteresis, temperature, saturation) stays in the residuals, and they count as an error of the scale
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
 
 from estimators.errors import InputError
+from estimators.force.contact import runs
+from estimators.gravity import GRAVITY
+from estimators.options import option
 from estimators.quaternions import Array
 
-CONDITION = 50.0  # of the raw readings' spread over their directions, beyond which a direction was hardly loaded; ours
+AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+NOTHING = "no load"
+CONDITION = 50.0  # of the loads' spread over their directions, beyond which a direction was hardly loaded; ours
+SPARE = 3  # loads beyond the unknowns of a channel that are needed at least: six positions of a sensor with three axes, and no load
+STUCK = 3  # equal readings at the end of a sensor's range in a row
+REPEATED = 0.5  # share of readings that equal the one before
+FAR = 1.0  # N from the level at rest
+DISCARDED = 0.2  # share of the loads that may be left out
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolveParams:
+    load_error: float = option(
+        0.005, "1", "share by which all known loads may be wrong alike", "ours: weights of a kitchen, places to a millimetre", least=0.0
+    )
+    chance: float = option(
+        1e-3, "1", "chance of luck below which a load that does not fit the others is left out", "ours", least=0.0, most=0.1
+    )
+    worst: float = option(0.1, "1", "share by which forces may be wrong, beyond which the calibration is refused", "ours", least=0.01)
+    gravity: float = option(GRAVITY, "m/s^2", "of the place where the weights hung", "standard gravity", least=9.7, most=9.9)
 
 
 @dataclass(frozen=True)
 class ForceCalibration:
     matrix: Array  # (3 or 6, k) N or Nm a raw unit
     offset: Array  # (k,) raw reading of no load
-    sd: Array  # (3 or 6,) N or Nm, left over
+    scale_sd: float  # share of a force by which it may be wrong in all samples alike
 
     def corrected(self, raw: Array) -> Array:
-        """Loads (..., 3 or 6) of raw readings (..., k)."""
+        """Loads (..., 3 or 6) of raw readings (..., k); NaN of a reading that is missing in part."""
         return np.asarray((raw - self.offset) @ self.matrix.T)
 
+    def clipped(self, raw: Array) -> NDArray[np.bool_]:
+        """Which readings (n,) have a channel at the end of what it ever reads: mixed with the others it could not be told any more."""
+        return stuck(raw * np.linalg.norm(self.matrix[:3], axis=0))
 
-def calibrated(raw: Array, loads: Array) -> ForceCalibration:
-    """By least squares; InputError where the loads do not tell the matrix."""
+
+@dataclass(frozen=True)
+class Solved:
+    calibration: ForceCalibration
+    matrix_sd: Array  # (3 or 6, k)
+    offset_sd: Array  # (k,)
+    left: Array  # (3 or 6,) N or Nm, standard deviation of what is left over
+    used: int  # loads
+    left_out: tuple[int, ...]  # rows of loads that do not belong to the others
+    one_way: tuple[str, ...]  # axes that were loaded one way alone
+    heaviest: float  # N
+
+
+def solve(params: SolveParams, raw: Array, loads: Array) -> Solved:
+    """By least squares, without loads that do not belong; InputError where the loads do not tell the matrix."""
     if raw.ndim != 2 or loads.ndim != 2 or len(raw) != len(loads) or loads.shape[1] not in (3, 6):
         raise InputError(
             f"readings {raw.shape} and loads {loads.shape} do not belong together; give (n, k) readings and (n, 3) N or (n, 6) loads"
         )
-    used = np.isfinite(raw).all(axis=1) & np.isfinite(loads).all(axis=1)
-    raw, loads, k = raw[used], loads[used], loads.shape[1]
-    if len(raw) < 2 * (k + 1):
-        raise InputError(f"{len(raw)} known loads are too few; give at least {2 * (k + 1)}, in all directions")
-    if np.linalg.matrix_rank(loads - loads.mean(axis=0)) < k or np.linalg.cond(loads / np.abs(loads).max(axis=0)) > CONDITION:
-        raise InputError("the known loads leave a direction out; load the sensor along each axis, both ways")
-    design = np.column_stack([loads, np.ones(len(loads))])
+    rows = np.flatnonzero(np.isfinite(raw).all(axis=1) & np.isfinite(loads).all(axis=1))
+    m, most = loads.shape[1], int(DISCARDED * len(rows))
+    _require(raw[rows], loads[rows])
+    left_out: list[int] = []
+    while len(left_out) < most and len(strange := _strangers(params.chance, raw[rows], loads[rows])):
+        if len(strange) > 1:
+            raise InputError(
+                f"loads {' and '.join(str(1 + rows[k]) for k in sorted(strange[:2]))} of the table contradict each other; look at both, directions and signs first"
+            )
+        left_out.append(int(rows[strange[0]]))
+        rows = np.delete(rows, strange[0])
+        _require(raw[rows], loads[rows])
+    raw, loads = raw[rows], loads[rows]
+    design = _design(loads)
     answer, *_ = np.linalg.lstsq(design, raw, rcond=None)  # raw = loads @ C + offset: the loads are exact, the readings noisy
-    matrix, offset = np.linalg.pinv(answer[:k].T), answer[k]
-    if np.linalg.cond(answer[:k]) > 1e6:
-        raise InputError("the readings hardly change with the loads; check that the sensor is connected")
-    left = loads - (raw - offset) @ matrix.T
-    return ForceCalibration(np.asarray(matrix), np.asarray(offset), np.sqrt((left**2).sum(axis=0) / (len(raw) - k - 1)))
+    matrix, offset = np.asarray(np.linalg.pinv(answer[:m].T)), np.asarray(answer[m])
+    free = len(raw) - m - 1
+    missed = raw - design @ answer
+    left_over = matrix @ (missed.T @ missed / free) @ matrix.T  # (m, m) of one reading, as a load
+    unknown = np.asarray(np.linalg.inv(design.T @ design)) * free / (free - 2)  # Student's: the noise is known from so few alone
+    matrix_sd = np.sqrt(np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix)))  # dM = -M dC' M
+    offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
+    left = np.asarray(np.sqrt(np.diag(left_over)))
+    scale = _scale_sd(params, loads, left, unknown[:m, :m])
+    if scale > params.worst:
+        raise InputError(
+            f"the readings do not follow the loads: forces would be wrong by {100 * scale:.0f} %; check the units, the directions and that the sensor is connected as the table says"
+        )
+    one_way = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
+    heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
+    return Solved(ForceCalibration(matrix, offset, scale), matrix_sd, offset_sd, left, len(raw), tuple(sorted(left_out)), one_way, heaviest)
+
+
+def stuck(values: Array) -> NDArray[np.bool_]:
+    """Readings (n,) of axes (n, a) N with an axis at the end of what it ever reads, several times in a row: clipped by a limit that nobody told.
+
+    Not where a sensor repeats itself anyhow (coarse counts, no noise), and not near its level at rest.
+    """
+    found = np.zeros(len(values), bool)
+    for axis in values.T:
+        known = axis[np.isfinite(axis)]
+        if len(known) < 8 or (np.diff(known) == 0).mean() > REPEATED:
+            continue
+        for end in (known.min(), known.max()):
+            if abs(end - np.median(known)) > FAR:
+                for a, b in runs(axis == end):
+                    found[a : b + 1] |= b - a + 1 >= STUCK
+    return found
+
+
+def _design(loads: Array) -> Array:
+    return np.column_stack([loads, np.ones(len(loads))])
+
+
+def _require(raw: Array, loads: Array) -> None:
+    """InputError where there are too few loads, they leave a direction out, or nobody reads them."""
+    m = loads.shape[1]
+    if len(raw) < m + 1 + SPARE:
+        raise InputError(f"{len(raw)} known loads are too few; give at least {m + 1 + SPARE}, in all directions")
+    if raw.shape[1] < m:
+        raise InputError(f"{raw.shape[1]} channels cannot tell {m} axes; name at least as many channels as axes")
+    size = np.abs(loads).max(axis=0)
+    missing = [AXES[a] for a in np.flatnonzero(size == 0)]
+    spread = np.linalg.svd(_design(loads / np.where(size > 0, size, 1.0)))
+    if not missing and spread.S[-1] * CONDITION < spread.S[0]:
+        missing = [name for name, part in zip((*AXES[:m], NOTHING), spread.Vh[-1]) if abs(part) > 0.3]
+    if missing:
+        how = "each by itself" if len(missing) > 1 else "both ways"
+        raise InputError(f"the known loads do not tell {', '.join(missing)}; load the sensor along each axis, {how}, and once not at all")
+    answer, *_ = np.linalg.lstsq(_design(loads), raw, rcond=None)
+    parts = np.linalg.svd(answer[:m] * size[:, None], compute_uv=False)
+    if parts[-1] * 1e4 < parts[0] or parts[0] == 0:
+        raise InputError(
+            "the readings hardly change with the loads; check that the sensor is connected and its channels are the right ones"
+        )
+
+
+def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
+    """The rows without which each channel's sum of squares falls by more than luck explains, the strangest first; of several each alone would do it."""
+    design = _design(loads)
+    n, p = design.shape
+    if n - 1 - p < SPARE:
+        return np.empty(0, int)
+    answer, *_ = np.linalg.lstsq(design, raw, rcond=None)
+    squares = (raw - design @ answer) ** 2
+    if (squares.sum(axis=0) < 1e-18 * (raw**2).sum(axis=0)).any():
+        return np.empty(0, int)  # exact but for rounding
+    q, _ = np.linalg.qr(design)
+    falls = squares / np.maximum(1 - (q**2).sum(axis=1), 1e-9)[:, None]
+    rest = np.maximum(squares.sum(axis=0) - falls, 1e-12 * squares.sum(axis=0))
+    each = stats.f.logsf(falls / rest * (n - 1 - p), 1, n - 1 - p)
+    luck = n * stats.chi2.sf(-2 * each.sum(axis=1), 2 * raw.shape[1])  # Fisher's: the channels' noise is taken to be independent
+    order = np.argsort(luck)
+    return np.asarray(order[luck[order] < chance])
+
+
+def _scale_sd(params: SolveParams, loads: Array, left: Array, unknown: Array) -> float:
+    """Share by which a force may be wrong: the fit's at such loads, what it leaves of the forces, and the loads' own."""
+    size = float(np.sqrt((loads[:, :3] ** 2).sum(axis=1).mean()))
+    noise = float(np.sqrt((left[:3] ** 2).sum()))
+    of_fit = float(np.sqrt(np.einsum("ni,ij,nj->n", loads, unknown, loads).mean()))
+    return float(np.linalg.norm([noise * of_fit / size, noise / size, params.load_error]))

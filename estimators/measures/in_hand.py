@@ -47,7 +47,7 @@ def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
     if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
         return None
     bent = squeeze.bent(force.t, force.values, distance.values)
-    return squeeze.running(params, force.t, force.values, distance.values, holding.untold_share(h, used), bent)
+    return squeeze.running(squeeze.knowing(params, h), force.t, force.values, distance.values, holding.untold_share(h, used), bent)
 
 
 SO_FAR: Mapping[str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]] = {  # by measure: what is told of it

@@ -8,7 +8,7 @@ Limits  the stiffness is as good as the change of the fingertips' distance is: 5
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -64,7 +64,9 @@ class Params(ContactParams):
     gain_sd: float = option(
         0.055, "1", "error of a change of the fingertips' distance", "docs/reproduction.md, kortier6: RMS over simulated people", least=0.0
     )
-    scale_sd: float = option(0.02, "1", "error of the forces' scale", "BioMed Eng OnLine 11:90, Table 4", least=0.0)
+    scale_sd: float = option(
+        0.02, "1", "error of the forces' scale, where the sensors were not calibrated", "BioMed Eng OnLine 11:90, Table 4", least=0.0
+    )
     timing: float = option(
         0.01, "s", "by how much forces and places may be shifted against each other", "ours: a sample at 100 Hz", least=0.0
     )
@@ -126,11 +128,18 @@ def measure(
         return Squeeze(params, False, (), "poor", NONE)
     if "thumb" not in fingers or len(fingers) < 2:
         return Squeeze(params, False, (), "poor", "squeezing needs force sensors on the thumb and another finger")
-    found = [made for h in holding.holdings(params, part, geometry) if (made := _squeezed(params, h)) is not None]
+    held = holding.holdings(params, part, geometry)
+    params = knowing(params, held[0]) if held else params
+    found = [made for h in held if (made := _squeezed(params, h)) is not None]
     if not found:
         return Squeeze(params, True, (), "poor", "nothing was squeezed")
     told = [("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found]
     return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
+
+
+def knowing(params: Params, h: Holding) -> Params:
+    """With the forces' scale as well known as the sensors' calibrations say, where they say it."""
+    return params if h.squeeze_scale_sd is None else replace(params, scale_sd=h.squeeze_scale_sd)
 
 
 def _squeezed(params: Params, h: Holding) -> Squeezed | None:

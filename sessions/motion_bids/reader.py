@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from estimators.errors import InputError
+from estimators.force.setup import ForceSetup, setups_from
 from estimators.hand_anatomy import HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
 from estimators.magnet_plate import plate_from
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS, Block, Event, Stream
+from sessions.motion_bids import raw_forces
 from sessions.motion_bids.files import Files, checksum, open_files, whole
 from sessions.motion_bids.tables import MISSING, json_object, numbers, rows
 from sessions.recording import LoadedRecording, require_samples
@@ -55,11 +57,16 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     unsaid = all(s.sidecar.get("MeasuredHand") in (None, MISSING) for s in systems)
     said = _hand([s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name)
     warnings: list[str] = []
+    setups = setups_from(_merged(systems, "ForceSetup"))
     samples = {}
+    calibrated: set[str] = set()
     for system in systems:
-        block = _block(system, files, warnings)
+        raw = raw_forces.raw_columns(system.name, system.channels, setups)
+        calibrated |= raw.keys()
+        block = _block(system, files, warnings, setups, raw)
         if block is not None:
             samples[system.name] = block
+    raw_forces.require_all(setups, calibrated)
     _refuse_double(samples)
     recording = LoadedRecording(
         said,
@@ -146,32 +153,39 @@ def _hand(sidecars: list[dict[str, Any]], wanted: Hand | None, name: str) -> Han
     raise InputError(f"{name} does not say which hand was measured; add MeasuredHand (left or right) to motion.json, or give --hand")
 
 
-def _block(system: System, files: Files, warnings: list[str]) -> Block | None:
-    """The samples of a tracking system; None where it has nothing for us."""
+def _block(
+    system: System, files: Files, warnings: list[str], setups: Mapping[str, ForceSetup], raw: Mapping[str, list[int]]
+) -> Block | None:
+    """The samples of a tracking system; None where it has nothing for us. `raw`: columns of the force sensors that are calibrated here."""
     name = PurePosixPath(system.path).name
-    wanted = _columns(system, warnings)
-    if not wanted:
+    wanted = _columns(system, warnings, raw)
+    if not wanted and not raw:
         return None
     table = numbers(files[system.path](), name, len(system.channels))
     if not len(table):
         raise InputError(f"{name} has 0 samples; there is nothing to process")
     t, rate = times_of(system, table, name, warnings)
-    points = [p for p in TRACKED_POINTS if any(point == p for point, _, _ in wanted)]
-    quantities = [q for q in (GYR, ACC, MAG, FORCE, TORQUE) if any(kind == q for _, kind, _ in wanted)]
+    kinds = {kind for _, kind, _ in wanted} | {kind for point in raw for kind in (FORCE, TORQUE)[: setups[point].axes // 3]}
+    points = [p for p in TRACKED_POINTS if p in raw or any(point == p for point, _, _ in wanted)]
+    quantities = [q for q in (GYR, ACC, MAG, FORCE, TORQUE) if q in kinds]
     values = np.full((len(table), len(points), 3 * len(quantities)), np.nan)
     for (point, kind, component), (column, factor) in wanted.items():
         values[:, points.index(point), 3 * quantities.index(kind) + component] = table[:, column] * factor
-    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name), t, values)
+    for point, columns in raw.items():
+        first, loads = 3 * quantities.index(FORCE), raw_forces.loads_of(setups[point], table[:, columns])
+        values[:, points.index(point), first : first + loads.shape[1]] = loads
+    known = {p: setups[p].scale_sd for p in points if p in setups}
+    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name, scale_sd=known), t, values)
 
 
-def _columns(system: System, warnings: list[str]) -> dict[tuple[str, str, int], tuple[int, float]]:
-    """Which column holds which component of which quantity of which point, with the factor to SI."""
+def _columns(system: System, warnings: list[str], raw: Mapping[str, list[int]]) -> dict[tuple[str, str, int], tuple[int, float]]:
+    """Which column holds which component of which quantity of which point, with the factor to SI; without points that have calibrated `raw` channels."""
     found: dict[tuple[str, str, int], tuple[int, float]] = {}
     strange: set[str] = set()
     torques: dict[str, list[tuple[str, int, float]]] = {}  # by point: component, column, factor
     for column, channel in enumerate(system.channels):
         kind, point = channel["type"].upper(), channel["tracked_point"]
-        if kind not in TYPES or (kind == "MISC" and not point.endswith("_force")):
+        if kind not in TYPES or (kind == "MISC" and not point.endswith("_force")) or point in raw:
             continue
         _refuse_two_hands(point, system)
         if point not in TRACKED_POINTS:

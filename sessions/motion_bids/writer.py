@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from estimators.force.setup import ForceSetup
+from estimators.force.setup import table_of as table_of_force
 from estimators.hand_geometry import table_of
 from estimators.magnet_plate import table_of as table_of_plate
 from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
@@ -119,4 +121,5 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "HandGeometry": table_of(recording.geometry),
         "SensorMounting": {point: [float(x) for x in recording.mounting[point]] for point in s.sensors if point in recording.mounting},
         **({"MagnetSetup": table_of_plate(recording.plate)} if recording.plate and MAG in s.quantities else {}),
+        **({"ForceSetup": {point: table_of_force(ForceSetup(sd)) for point, sd in s.scale_sd.items()}} if s.scale_sd else {}),
     }

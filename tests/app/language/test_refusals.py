@@ -28,13 +28,12 @@ COMMAND_LINE = (
         "estimators/measures/synchronisation.py",
         "estimators/measures/tip_errors.py",
     ),
-    *("estimators/simulation", "estimators/six_positions.py"),
+    *("estimators/force/sensor.py", "estimators/simulation", "estimators/six_positions.py", "sessions/load_table.py"),
 )
 PROGRAMMERS = (
     *(
         "app/working_process.py",
         "sessions/frames.py",
-        "estimators/force/sensor.py",
         "estimators/magnet_localisation.py",
         "estimators/magnet_tracking.py",
         "estimators/measures/signals.py",

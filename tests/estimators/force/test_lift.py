@@ -114,6 +114,27 @@ def test_grip_and_load_are_as_unsure_as_the_push_of_one_side_lacks() -> None:
         assert abs(now[what].value - was[what].value) < 1.2 * (now[what].sd or 0.0)
 
 
+def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
+    (made, _), good = heavy(), heavy_moved().trajectory
+    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    force, others = made.samples["force"], [b for n, b in made.samples.items() if n != "force"]
+    sds = []
+    for share in (0.005, 0.1):
+        known = replace(force.stream, scale_sd=dict.fromkeys(force.stream.sensors, share))
+        blocks = [replace(force, stream=known), *others]
+        moved, _ = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
+        assert moved.force_scale_sd is not None
+        np.testing.assert_array_equal(moved.force_scale_sd[0, :3], [share, share, np.nan])
+        (one,) = measured(made, moved).lifts
+        assert one.held.squeeze_scale_sd == pytest.approx(share / np.sqrt(2))
+        sds.append(one.mass_sd)
+    (usual,) = measured(made, good).lifts
+    assert sds[0] < usual.mass_sd < sds[1]
+    assert sds[1] > 0.4 * 0.1 * 0.44 / np.sqrt(2), "both fingers carry half of it each, and err apart"
+    assert good.force_scale_sd is None
+    assert usual.held.squeeze_scale_sd is None
+
+
 @pytest.mark.parametrize("told", [True, False], ids=["at a limit that is told", "at a limit that nobody told"])
 def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
     (made, _), good = heavy(), heavy_moved().trajectory

@@ -1,4 +1,4 @@
-"""A squeeze from the readings to the stiffness; how what is held answers to frequencies; work; what a force sensor's readings mean."""
+"""A squeeze from the readings to the stiffness; how what is held answers to frequencies; work."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.force import exchange, frequency_response, sensor
+from estimators.force import exchange, frequency_response
 from estimators.measures import in_hand, squeeze
 from estimators.measures.figure import Figure
 from estimators.samples import Block
@@ -160,21 +159,3 @@ def test_power_and_work_of_lifting_and_of_turning() -> None:
     assert exchange.work(t, exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
     turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
     assert exchange.work(t, exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
-
-
-@pytest.mark.parametrize(("axes", "channels"), [(3, 3), (6, 6), (6, 12)])
-def test_known_loads_tell_matrix_and_offset(axes: int, channels: int) -> None:
-    rng = np.random.default_rng(axes + channels)
-    loads = rng.uniform(-10, 10, (60, axes))
-    gains, offset = rng.normal(size=(channels, axes)), rng.normal(size=channels)
-    raw = loads @ gains.T + offset + 0.01 * rng.normal(size=(60, channels))
-    found = sensor.calibrated(raw, loads)
-    np.testing.assert_allclose(found.corrected(raw), loads, atol=0.3)
-    np.testing.assert_allclose(found.offset, offset, atol=0.01)
-    assert found.sd.max() < 0.15
-
-
-def test_loads_that_leave_a_direction_out_are_refused() -> None:
-    loads = np.random.default_rng(0).uniform(-1, 1, (40, 3)) * np.array([1.0, 1.0, 0.0])
-    with pytest.raises(InputError, match="leave a direction out"):
-        sensor.calibrated(loads, loads)

@@ -1,0 +1,95 @@
+"""`handscope calibrate-force`: what a fingertip's force sensor reads under loads that are known, as a `ForceSetup` for the sidecars of its recordings."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.commands.words import counted, require_file, say
+from app.options import help_text, parse, with_options
+from estimators.errors import InputError
+from estimators.force.sensor import AXES, Solved, SolveParams, solve
+from estimators.force.setup import ForceSetup, table_of
+from estimators.hand_anatomy import FINGERS
+from estimators.quaternions import Array
+from sessions.load_table import LoadTable, load_table
+from sessions.writing import save_file
+
+SETUP = "ForceSetup"
+USUAL = 0.025  # share by which forces of a sensor without this are taken to be wrong: `force_scale` of fingertip_forces.py
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("table", type=Path, help="CSV: readings of the sensor and the load at each of them, one row a load")
+    parser.add_argument("--finger", required=True, choices=FINGERS, help="the fingertip that the sensor is worn on")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.json", help="write ForceSetup there; where there is such a file or sidecar the rest of it stays"
+    )
+    parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option, see below; may be repeated")
+    parser.epilog = f"options:\n{help_text(SolveParams)}\n\nThe table is described in docs/calibration.md."
+
+
+def run(arguments: argparse.Namespace) -> int:
+    params = with_options(SolveParams, parse(arguments.option))
+    before = _before(arguments.out) if arguments.out else {}
+    table = load_table(arguments.table, params.gravity)
+    solved = solve(params, table.raw, table.loads)
+    for line in _told(table, solved):
+        say(line)
+    if arguments.out:
+        entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration)) | _known(table, solved)
+        setups = {**before.get(SETUP, {}), f"{arguments.finger}_tip_force": entry}
+        save_file((json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), arguments.out)
+        say(f"{SETUP} of {arguments.finger}_tip_force: {arguments.out}")
+    return 0
+
+
+def _before(path: Path) -> dict[str, Any]:
+    """What the file holds already; InputError where it cannot take an entry more."""
+    require_file(path)
+    if not path.exists():
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise InputError(f"{path} is no JSON that could take {SETUP} in; name another file") from None
+    if not isinstance(found, dict) or not isinstance(found.get(SETUP, {}), dict):
+        raise InputError(f"{path} is no JSON object that could take {SETUP} in; name another file")
+    return found
+
+
+def _told(table: LoadTable, s: Solved) -> list[str]:
+    """How well the loads are met, which do not belong, and how sure a force is."""
+    axes = AXES[: len(s.left)]
+    left = "; ".join(f"{name} {_size(value, name)}" for name, value in zip(axes, s.left))
+    lines = [f"{counted(s.used, 'load')} up to {s.heaviest:.3g} N by {counted(len(table.channels), 'channel')}; left over: {left}"]
+    for row in s.left_out:
+        load = ", ".join(f"{value:.3g}" for value in table.loads[row])
+        lines.append(f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again")
+    if s.one_way:
+        lines.append(f"loaded one way alone: {', '.join(s.one_way)}; the other way is taken to be alike")
+    lines.append(f"a force is known to {100 * s.calibration.scale_sd:.2g} % of itself")
+    if s.calibration.scale_sd > USUAL:
+        lines.append(f"warning: without a calibration {100 * USUAL:g} % would have been taken; average more readings, or hang more weight")
+    return lines
+
+
+def _size(value: float, axis: str) -> str:
+    return f"{value:.2g} {'N' if axis.startswith('force') else 'Nm'}"
+
+
+def _known(table: LoadTable, s: Solved) -> dict[str, Any]:
+    """How sure each number is, for whoever reads the file."""
+    return {
+        "matrix_sd": _rounded(s.matrix_sd),
+        "offset_sd": _rounded(s.offset_sd),
+        "left_over": _rounded(s.left),
+        "loads": s.used,
+        "left_out_lines": [table.lines[row] for row in s.left_out],
+    }
+
+
+def _rounded(values: Array) -> Any:
+    return np.array([float(f"{v:.3g}") for v in values.ravel()]).reshape(values.shape).tolist()

@@ -1,0 +1,86 @@
+"""What somebody tells of the force sensors of a recording: which raw channels they have and what those mean, or how well forces are known that came as such.
+
+In      the table `ForceSetup` of a sidecar, by tracked point
+Out     a ForceSetup a point: channels with their units, and the calibration that turns them to N, or N and Nm; docs/motion-bids.md
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.force.sensor import ForceCalibration
+from estimators.quaternions import Array
+from estimators.samples import FORCE_POINTS
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of raw readings, as the recording names it."""
+
+    name: str
+    units: str  # compared as they are written
+
+
+@dataclass(frozen=True)
+class ForceSetup:
+    scale_sd: float  # share by which a force may be wrong in all samples alike
+    channels: tuple[Channel, ...] = ()  # none: the readings are forces already
+    calibration: ForceCalibration | None = None  # of these channels
+
+    @property
+    def axes(self) -> int:
+        """3: forces; 6: torques as well."""
+        return 3 if self.calibration is None else len(self.calibration.matrix)
+
+
+def setups_from(table: Mapping[str, Any]) -> dict[str, ForceSetup]:
+    """By tracked point; InputError where it cannot be read."""
+    return {point: _setup_from(point, told) for point, told in table.items()}
+
+
+def table_of(setup: ForceSetup) -> dict[str, Any]:
+    """The inverse, of one point."""
+    if setup.calibration is None:
+        return {"scale_sd": setup.scale_sd}
+    told: dict[str, Any] = {"channels": [{"name": c.name, "units": c.units} for c in setup.channels]}
+    told |= {"matrix": setup.calibration.matrix.tolist(), "offset": setup.calibration.offset.tolist()}
+    return {**told, "scale_sd": setup.scale_sd}
+
+
+def _setup_from(point: str, told: Any) -> ForceSetup:
+    if point not in FORCE_POINTS:
+        raise InputError(f"ForceSetup names {point}; force sensors are at {', '.join(FORCE_POINTS)}")
+    if not isinstance(told, Mapping):
+        raise InputError(f"ForceSetup of {point} is no object; `handscope calibrate-force` writes one")
+    scale = _numbers(point, "scale_sd", told.get("scale_sd"), ())
+    if not 0 <= scale < 1:
+        raise InputError(f"ForceSetup of {point}: scale_sd is {scale:g}; it is a share between 0 and 1")
+    if "matrix" not in told:
+        return ForceSetup(float(scale))
+    channels = _channels(point, told.get("channels"))
+    offset = _numbers(point, "offset", told.get("offset"), (len(channels),))
+    rows = 6 if isinstance(told["matrix"], Sequence) and len(told["matrix"]) == 6 else 3
+    matrix = _numbers(point, "matrix", told["matrix"], (rows, len(channels)))
+    return ForceSetup(float(scale), channels, ForceCalibration(matrix, offset, float(scale)))
+
+
+def _channels(point: str, told: Any) -> tuple[Channel, ...]:
+    fits = isinstance(told, Sequence) and all(isinstance(c, Mapping) and {"name", "units"} <= c.keys() for c in told)
+    channels = tuple(Channel(str(c["name"]), str(c["units"])) for c in told) if fits else ()
+    if not channels or len({c.name for c in channels}) < len(channels):
+        raise InputError(f"ForceSetup of {point}: channels are objects with name and units, each channel once")
+    return channels
+
+
+def _numbers(point: str, what: str, told: Any, shape: tuple[int, ...]) -> Array:
+    try:
+        found = np.asarray(told, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full(shape, np.nan)
+    if found.shape != shape or not np.isfinite(found).all():
+        how = " by ".join(str(n) for n in shape) or "one"
+        raise InputError(f"ForceSetup of {point}: {what} is not {how} finite numbers; `handscope calibrate-force` writes it")
+    return found

@@ -1,0 +1,47 @@
+"""Forces from the raw channels of a force sensor, by the calibration that the recording's `ForceSetup` tells."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from estimators.errors import InputError
+from estimators.force.setup import ForceSetup
+from estimators.quaternions import Array
+
+
+def raw_columns(system: str, channels: Sequence[Mapping[str, str]], setups: Mapping[str, ForceSetup]) -> dict[str, list[int]]:
+    """By tracked point the columns of its calibrated channels, in the calibration's order; without points that have none here."""
+    found = {}
+    for point, setup in setups.items():
+        columns = {c["name"]: k for k, c in enumerate(channels) if c["tracked_point"] == point}
+        here = [c for c in setup.channels if c.name in columns]
+        if not here:
+            continue
+        missing = [c.name for c in setup.channels if c.name not in columns]
+        if missing:
+            raise InputError(
+                f"tracksys-{system}: {point} has no channel {', '.join(missing)}, which its ForceSetup needs; name the channels alike in both"
+            )
+        for channel in here:
+            units = channels[columns[channel.name]]["units"]
+            if units != channel.units:
+                raise InputError(
+                    f"tracksys-{system}: channel {channel.name} is in {units!r}, its calibration in {channel.units!r}; write both in the same unit"
+                )
+        found[point] = [columns[c.name] for c in setup.channels]
+    return found
+
+
+def require_all(setups: Mapping[str, ForceSetup], found: set[str]) -> None:
+    """InputError where a calibration has no channels in any tracking system."""
+    for point, setup in setups.items():
+        if setup.channels and point not in found:
+            raise InputError(
+                f"ForceSetup of {point} is for the channels {', '.join(c.name for c in setup.channels)}, and no channels.tsv has them at this tracked_point; name them alike"
+            )
+
+
+def loads_of(setup: ForceSetup, raw: Array) -> Array:
+    """Forces (n, 3) N, or forces and torques (n, 6), of raw readings (n, channels); NaN where one is missing, infinite where one was clipped."""
+    assert setup.calibration is not None
+    return np.where(setup.calibration.clipped(raw)[:, None], np.inf, setup.calibration.corrected(raw))

@@ -1,0 +1,97 @@
+"""What a force sensor's raw readings mean: known loads tell matrix and offset, as sure as they say; loads that cannot are refused."""
+
+import numpy as np
+import pytest
+
+from estimators.errors import InputError
+from estimators.force.sensor import SolveParams, solve
+from estimators.quaternions import Array
+
+WAYS = np.vstack([np.eye(3), -np.eye(3)])
+
+
+def loads_of(axes: int, rng: np.random.Generator) -> Array:
+    """Half a kilogram and 200 g in six positions, of a sensor with six axes at two places each, and nothing."""
+    forces = 9.81 * np.vstack([0.5 * WAYS, 0.2 * WAYS])
+    if axes == 3:
+        return np.vstack([forces, np.zeros(3)])
+    both = np.repeat(forces, 2, axis=0)
+    return np.vstack([np.hstack([both, np.cross(rng.uniform(-0.02, 0.02, both.shape), both)]), np.zeros(6)])
+
+
+def read(axes: int, channels: int, seed: int) -> tuple[Array, Array, Array, Array]:
+    """Loads, what they read, true gains (channels, axes) and offset."""
+    rng = np.random.default_rng(seed)
+    loads = loads_of(axes, rng)
+    gains, offset = 0.1 * np.eye(channels, axes) + 0.02 * rng.normal(size=(channels, axes)), rng.normal(size=channels)
+    return loads, loads @ gains.T + offset + 1e-3 * rng.normal(size=(len(loads), channels)), gains, offset
+
+
+@pytest.mark.parametrize(("axes", "channels"), [(3, 3), (3, 4), (6, 6), (6, 12)])
+def test_known_loads_tell_matrix_and_offset_as_surely_as_is_said(axes: int, channels: int) -> None:
+    surprise, of_offset, beyond = [], [], 0
+    for seed in range(40):
+        loads, raw, gains, offset = read(axes, channels, seed)
+        found = solve(SolveParams(), raw, loads)
+        assert found.left_out == ()
+        if axes == channels:
+            surprise.append((((found.calibration.matrix - np.linalg.inv(gains)) / found.matrix_sd) ** 2).mean())
+        of_offset.append((((found.calibration.offset - offset) / found.offset_sd) ** 2).mean())
+        force = np.random.default_rng(seed + 100).normal(size=(20, axes)) * np.sqrt((loads**2).mean(axis=0))
+        off = found.calibration.corrected(force @ gains.T + found.calibration.offset) - force
+        beyond += np.linalg.norm(off[:, :3]) > 2.0 * found.calibration.scale_sd * np.linalg.norm(force[:, :3])
+    assert axes != channels or 0.5 < np.mean(surprise) < 1.6
+    assert 0.5 < np.mean(of_offset) < 1.6
+    assert beyond <= 4, "within two standard deviations in nine of ten"
+
+
+def test_a_load_that_was_written_down_wrongly_is_named_and_left_out() -> None:
+    loads, raw, gains, _ = read(3, 3, 1)
+    loads[4] = loads[7]
+    found = solve(SolveParams(), raw, loads)
+    assert found.left_out == (4,)
+    np.testing.assert_allclose(found.calibration.matrix, np.linalg.inv(gains), atol=5 * found.matrix_sd.max())
+    raw[5, 1] = np.nan
+    assert solve(SolveParams(), raw, loads).used == len(loads) - 2
+
+
+def test_a_sensor_that_saturates_is_as_unsure_as_it_bends_and_readings_of_other_loads_are_refused() -> None:
+    loads, raw, _, _ = read(3, 3, 2)
+    straight, bent = (solve(SolveParams(chance=0.0), y, loads).calibration.scale_sd for y in (raw, np.tanh(raw - raw[-1])))
+    assert bent > 3 * straight
+    with pytest.raises(InputError, match="do not follow the loads"):
+        solve(SolveParams(chance=0.0), np.random.default_rng(0).permutation(raw), loads)
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [
+        (slice(0, 6), "6 known loads are too few; give at least 7"),
+        ([0, 1, 3, 4, 6, 7, 9, 10, 12], "do not tell force z"),
+        ([0, 1, 2, 0, 1, 2, 0, 1, 2], "do not tell force x, force y, force z, no load"),
+    ],
+    ids=["too few", "none along z", "never without a load"],
+)
+def test_loads_that_do_not_tell_the_matrix_are_refused(kept: list[int] | slice, said: str) -> None:
+    loads, raw, _, _ = read(3, 3, 3)
+    with pytest.raises(InputError, match=said):
+        solve(SolveParams(), raw[kept], loads[kept])
+
+
+def test_channels_that_do_not_answer_are_refused() -> None:
+    loads, raw, _, _ = read(3, 3, 4)
+    raw[:, 2] = 0.7
+    with pytest.raises(InputError, match="hardly change with the loads"):
+        solve(SolveParams(), raw, loads)
+    with pytest.raises(InputError, match="2 channels cannot tell 3 axes"):
+        solve(SolveParams(), raw[:, :2], loads)
+
+
+def test_a_channel_at_its_end_makes_the_whole_reading_untold() -> None:
+    loads, raw, _, _ = read(3, 3, 5)
+    calibration = solve(SolveParams(), raw, loads).calibration
+    rng = np.random.default_rng(0)
+    readings = raw[-1] + 0.1 * np.sin(np.arange(60) / 10)[:, None] ** 4 * np.array([5.0, 1.0, 0.5]) + 1e-3 * rng.normal(size=(60, 3))
+    clipped = np.minimum(readings, raw[-1] + [0.4, 9.0, 9.0])
+    np.testing.assert_array_equal(calibration.clipped(clipped), clipped[:, 0] == clipped[:, 0].max())
+    assert not calibration.clipped(readings).any()
