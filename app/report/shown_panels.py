@@ -27,6 +27,9 @@ PANELS: Mapping[str, tuple[str, ...]] = {  # by name, the curves in it
     "squeeze_distance": ("squeeze_distance",),
     "force_over_distance": ("force_over_distance", "fitted_spring"),
     "stiffness": ("stiffness", "stiffness_low", "stiffness_high"),
+    "squeeze_response": ("squeeze_response", "squeeze_response_low", "squeeze_response_high"),
+    "squeeze_phase": ("squeeze_phase", "squeeze_phase_low", "squeeze_phase_high"),
+    "squeeze_coherence": ("squeeze_coherence",),
 } | {f"torque_{finger}": (f"torque_{finger}", f"torque_{finger}_low", f"torque_{finger}_high") for finger in FINGERS}
 DOTS = "force_over_distance"  # measured points, with a line through them
 

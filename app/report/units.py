@@ -16,6 +16,7 @@ READABLE = {
     "T": ("uT", 1e6),
     "m^3": ("l", 1e3),
     "N/m": ("N/mm", 1e-3),
+    "m/N": ("mm/N", 1e3),
     "Nm": ("mNm", 1e3),
 }
 SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent

@@ -26,10 +26,20 @@ TIMING = 0.01  # s by which force and movement may be shifted against each other
 class Response:
     frequency: Array  # (f,) Hz
     P: NDArray[np.complex128]  # (f,) m/N
-    sd: Array  # (f,) m/N of its size
+    sd: Array  # (f,) m/N of its size, the random part alone: what errs the same at all frequencies (scales) is not in it
     coherence: Array  # (f,)
     power: Array  # (f,) N^2/Hz of the force
     segments: float  # that count as independent
+
+    @property
+    def phase(self) -> Array:
+        """(f,) rad by which the movement leads the force: below 0 it lags, and energy flows into the load."""
+        return np.angle(self.P)
+
+    @property
+    def phase_sd(self) -> Array:
+        """(f,) rad, random part and timing together."""
+        return np.hypot(self.sd / np.maximum(np.abs(self.P), 1e-300), TIMING * 2 * np.pi * self.frequency)
 
     @property
     def excited(self) -> NDArray[np.bool_]:
@@ -47,6 +57,8 @@ class Conditions:
     coherence: float  # mean over what is excited
     force_bandwidth: float  # Hz
     load_bandwidth: float  # Hz; infinite where the answer does not fall within what is excited
+    lag: float  # s by which the movement comes behind the force, mean over what is seen: from 0 on energy flows into the load
+    lag_sd: float  # s, random part and timing together
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -81,14 +93,23 @@ def conditions(r: Response) -> Conditions:
     total = np.cumsum(r.power[1:])
     force_bandwidth = float(r.frequency[1:][np.searchsorted(total, BANDWIDTH * total[-1])])
     if r.segments < LEAST or not excited.any():
-        return Conditions(None, None, None, float("nan"), force_bandwidth, float("nan"))
+        return Conditions(None, None, None, float("nan"), force_bandwidth, float("nan"), float("nan"), float("nan"))
     coherence = float(np.average(r.coherence[excited], weights=r.power[excited]))
     seen = excited & (r.coherence > COHERENT)
     size, f = np.abs(r.P[seen]), r.frequency[seen]
     fallen = np.flatnonzero(size < size[:1] / np.sqrt(2))
     load_bandwidth = float(f[fallen[0]]) if len(fallen) else float("inf")
-    # energy a cycle that goes into the load is -Im P times the force's power: a lag of the movement
-    into = -np.imag(r.P[seen])
-    back = bool(len(into)) and float(np.average(into + 2 * r.sd[seen] + TIMING * 2 * np.pi * f * size, weights=r.power[seen])) < 0
     wide = None if not np.isfinite(load_bandwidth) else force_bandwidth >= load_bandwidth
-    return Conditions(coherence > COHERENT, wide, not back if len(into) else None, coherence, force_bandwidth, load_bandwidth)
+    lag, random = _lag(r, seen)
+    back = bool(lag + 2 * random + TIMING < 0)
+    passive = not back if seen.any() else None
+    return Conditions(coherence > COHERENT, wide, passive, coherence, force_bandwidth, load_bandwidth, lag, float(np.hypot(random, TIMING)))
+
+
+def _lag(r: Response, seen: NDArray[np.bool_]) -> tuple[float, float]:
+    """By how much the movement lags, s, and the random part of its standard deviation: energy a cycle that goes into the load is -Im P times the force's power."""
+    if not seen.any():
+        return float("nan"), float("nan")
+    weights = r.power[seen]
+    turned = float(weights @ (2 * np.pi * r.frequency[seen] * np.abs(r.P[seen])))
+    return float(weights @ -np.imag(r.P[seen])) / turned, float(weights @ r.sd[seen]) / turned

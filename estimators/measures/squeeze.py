@@ -7,7 +7,7 @@ Limits  the stiffness is as good as the change of the fingertips' distance is: 5
         give way make the object seem softer
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.signal import find_peaks
 
 from estimators.force import exchange, frequency_response, holding, identification
 from estimators.force.contact import ContactParams
-from estimators.force.frequency_response import Conditions
+from estimators.force.frequency_response import Conditions, Response
 from estimators.force.holding import UNREAD, UNSURE, Holding
 from estimators.force.identification import Fit, Running
 from estimators.hand_geometry import HandGeometry
@@ -31,6 +31,9 @@ from estimators.trajectory import Trajectory
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N
+BAND = 1.96  # standard deviations to either side: 95 %
+HOLDS, FAILS, OPEN, UNTOLD = "holds", "fails", "nothing speaks against it", "cannot be told"  # of the conditions of 6.5.1
+TOO_SHORT = "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
 BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
 USUAL = np.array([1e3, 50.0, 10.0])  # sizes of stiffness N/m, force at no distance N, and damping N s/m
 KINDS = kinds(
@@ -42,9 +45,10 @@ KINDS = kinds(
     Kind("squeeze_stiffness", "N/m", "estimated stiffness of the object along the line between the fingertips", f"{KORTIER}, (6.6), of the whole object"),
     Kind("squeeze_damping", "N s/m", "estimated damping of the object along that line", f"{KORTIER}, (6.6)"),
     Kind("squeeze_work", "J", "mean work that the fingers do on the object in a squeeze", f"{KORTIER}, (1.15)"),
-    Kind("squeeze_coherence", "1", "how much of the distance's change the force explains, where the force changes; 1 is all", f"{KORTIER}, 6.5.1"),
-    Kind("squeeze_force_bandwidth", "Hz", "frequency below which 95 % of the force's power lies; it should reach as far up as the object answers", f"{KORTIER}, 6.5.1", detail=True),
-    Kind("squeeze_object_bandwidth", "Hz", "frequency at which the object's answer to the force has fallen by 3 dB; not seen where the force does not reach so far", f"{KORTIER}, 6.5.1", detail=True),
+    Kind("squeeze_coherence", "1", "how much of the distance's change the force explains, where the force changes; 1 is all. Below 0.8 the force is not the only input: condition 1a fails; that it is cannot be proved", f"{KORTIER}, 6.5.1"),
+    Kind("squeeze_force_bandwidth", "Hz", "frequency below which 95 % of the force's power lies; condition 1b: it reaches as far up as the object answers, which cannot be told where the answer does not fall before", f"{KORTIER}, 6.5.1"),
+    Kind("squeeze_object_bandwidth", "Hz", "frequency at which the object's answer to the force has fallen by 3 dB; not seen where the force does not reach so far", f"{KORTIER}, 6.5.1"),
+    Kind("squeeze_lag", "s", "by how much the distance follows behind the force; condition 2, that the object takes energy up and gives none, holds beyond two standard deviations and fails below minus two", f"{KORTIER}, 6.5.1"),
     Kind("squeeze_share", "1", "share of the finger in the sum of the sizes of the forces", KORTIER),
 )  # fmt: skip
 
@@ -98,6 +102,7 @@ class Squeezed:
     running: Running | None = None  # the stiffness as it stood after each sample
     untold: float = 0.0  # share of the push that is left along it: a finger that is not measured may take it
     bent: float = 0.0  # share by which the stiffness changes over the range of the distance
+    answer: Response | None = None  # of the closing, m/N, where the force changes
 
 
 @dataclass(frozen=True)
@@ -164,23 +169,24 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     bends = bent(t[told], x[told], p[told])
-    fit, conditions, reasons = _identified(params, h, inside, t[told], x[told], p[told])
+    answer = frequency_response.response(t[told], x[told], -p[told])  # the push moves the pads towards each other
+    fit, conditions, reasons = _identified(params, h, inside, answer, t[told], x[told], p[told])
     reasons += [BENT] if fit and bends > params.bent else []
     untold = holding.untold_share(h, known)
     followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
-    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold, bends)
+    return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold, bends, answer)
 
 
 def _identified(
-    params: Params, h: Holding, inside: np.ndarray, t: Array, x: Array, p: Array
+    params: Params, h: Holding, inside: np.ndarray, answer: Response, t: Array, x: Array, p: Array
 ) -> tuple[Fit | None, Conditions | None, list[str]]:
     """Stiffness and damping (6.6) where the data bear them, and what there is to be said."""
     reasons = [r for r in [h.flagged(inside)] if r]
     doubtful = bool(np.bitwise_or.reduce(h.flags[inside], axis=None) & UNSURE)
     if np.ptp(p) < params.least_depth:
         return None, None, [*reasons, "the fingertips came no nearer: what is held is rigid"]
-    told = frequency_response.conditions(frequency_response.response(t, x, -p))  # the push moves the pads towards each other
+    told = frequency_response.conditions(answer)
     fit = identification.fitted(x[:, None], _spring(t, p), np.full(len(t), NOISE))
     explained = 1 - float((fit.residuals**2).sum() / ((x - x.mean()) ** 2).sum())
     if explained < 0.7 or fit.theta[0] <= 0:
@@ -227,7 +233,7 @@ def figures(r: Squeeze) -> list[Figure]:
         return [
             kind.of(0.0 if r.measured and what == "squeeze_count" else np.nan, 0.0, *told)
             for what, kind in KINDS.items()
-            if what not in ("squeeze_share", "squeeze_force_bandwidth", "squeeze_object_bandwidth")
+            if what not in ("squeeze_share", "squeeze_force_bandwidth", "squeeze_object_bandwidth", "squeeze_lag")
         ]
     tops, depths, works = (np.concatenate([getattr(one, name) for one in r.grasps]) for name in ("tops", "depths", "work"))
     spans = [float(one.peaks[-1] - one.peaks[0]) for one in r.grasps]
@@ -250,8 +256,7 @@ def figures(r: Squeeze) -> list[Figure]:
         KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *told),
         *_parameters(r),
         KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *told),
-        KINDS["squeeze_coherence"].of(_seen([c.coherence for c in answers]), None, *told),
-        *_bandwidths(answers, told),
+        *_borne_out(answers, told),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
         share = np.nan if unread else np.mean([one.held.shares[:, k].mean() for one in r.grasps])
@@ -264,13 +269,33 @@ def _gives_back(r: Squeeze) -> bool:
     return any(one.conditions is not None and one.conditions.passive is False for one in r.grasps)
 
 
-def _bandwidths(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[Figure]:
-    """How far up force and answer reach, where that was seen: an answer that goes on as far as the force does is no fault."""
-    each = {
-        "squeeze_force_bandwidth": _seen([c.force_bandwidth for c in answers]),
-        "squeeze_object_bandwidth": _seen([c.load_bandwidth for c in answers]),
-    }
-    return [KINDS[what].of(value, None, *told) for what, value in each.items() if np.isfinite(value)]
+def _borne_out(answers: Sequence[Conditions], told: tuple[Grade, str]) -> list[Figure]:
+    """The conditions of 6.5.1: what decides each, and as its category whether it holds. How far up force and answer reach is told where that was
+    seen: an answer that goes on as far as the force does is no fault."""
+    short = (told[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else told
+    coherence, lag, lag_sd, force, load = (
+        _seen([getattr(c, name) for c in answers]) for name in ("coherence", "lag", "lag_sd", "force_bandwidth", "load_bandwidth")
+    )
+    independent, wide, passive = (_all(getattr(c, name) for c in answers) for name in ("independent", "wide", "passive"))
+    bandwidths = [
+        KINDS["squeeze_force_bandwidth"].of(force, None, *told, category=_word(wide, HOLDS)),
+        KINDS["squeeze_object_bandwidth"].of(load, None, *told),
+    ]
+    return [
+        KINDS["squeeze_coherence"].of(coherence, None, *short, category=_word(independent, OPEN)),
+        *(f for f in bandwidths if np.isfinite(f.value)),
+        KINDS["squeeze_lag"].of(lag, lag_sd, *short, category=_word(passive, HOLDS if lag > 2 * lag_sd else OPEN)),
+    ]
+
+
+def _all(each: Iterable[bool | None]) -> bool | None:
+    """Whether it is so of all grasps; None where that cannot be told."""
+    found = set(each)
+    return False if False in found else True if found == {True} else None
+
+
+def _word(borne_out: bool | None, so: str) -> str:
+    return UNTOLD if borne_out is None else so if borne_out else FAILS
 
 
 def _seen(each: Sequence[float]) -> float:
@@ -301,14 +326,25 @@ def shown(r: Squeeze) -> Shown:
     one = max(r.grasps, key=lambda g: len(g.t))
     curves = [Curve("squeeze_force", "N", one.t, one.force), Curve("squeeze_distance", "m", one.t, one.distance)]
     curves += [*_over_distance(one), *twist_curves([one.held]), *running_curves("stiffness", "N/m", [one.running])]
-    if one.conditions is not None:
-        answer = frequency_response.response(one.t, one.force, one.distance)
-        seen = answer.excited
-        curves += [
-            Curve("squeeze_response", "m/N", answer.frequency[seen], np.abs(answer.P[seen]), "Hz"),
-            Curve("squeeze_coherence", "1", answer.frequency[seen], answer.coherence[seen], "Hz"),
-        ]
+    if one.conditions is not None and one.answer is not None:
+        curves += _answer_curves(one.answer, _alike(r.params, one.untold, one.bent))
     return Shown(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
+
+
+def _answer_curves(answer: Response, alike: float) -> list[Curve]:
+    """Size, phase and coherence where the force changes; the first two with the band in which they lie nineteen times of twenty, scales and timing in it."""
+    seen = answer.excited
+    f, size, phase = answer.frequency[seen], np.abs(answer.P[seen]), answer.phase[seen]
+    size_sd, phase_sd = np.hypot(answer.sd[seen], alike * size), answer.phase_sd[seen]
+    return [
+        Curve("squeeze_response", "m/N", f, size, "Hz"),
+        Curve("squeeze_response_low", "m/N", f, np.maximum(size - BAND * size_sd, 0.0), "Hz"),
+        Curve("squeeze_response_high", "m/N", f, size + BAND * size_sd, "Hz"),
+        Curve("squeeze_phase", "rad", f, phase, "Hz"),
+        Curve("squeeze_phase_low", "rad", f, phase - BAND * phase_sd, "Hz"),
+        Curve("squeeze_phase_high", "rad", f, phase + BAND * phase_sd, "Hz"),
+        Curve("squeeze_coherence", "1", f, answer.coherence[seen], "Hz"),
+    ]
 
 
 def _over_distance(one: Squeezed) -> list[Curve]:

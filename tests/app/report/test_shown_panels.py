@@ -25,11 +25,7 @@ SHOWN = Shown(
 
 def test_curves_that_belong_together_share_a_panel_in_units_for_people() -> None:
     told = {p.name: p for p in panels(SHOWN, 100.0, ENGLISH)}
-    assert set(told) == {
-        "grip_and_load",
-        "squeeze_distance",
-        "force_over_distance",
-    }  # an answer to frequencies is for the kept result alone
+    assert set(told) == {"grip_and_load", "squeeze_distance", "force_over_distance", "squeeze_response"}
     both = told["grip_and_load"]
     assert [line.name for line in both.lines] == ["grip", "load"]
     assert both.title == "Grip and load force, N"
@@ -39,6 +35,8 @@ def test_curves_that_belong_together_share_a_panel_in_units_for_people() -> None
     assert set(told["squeeze_distance"].lines[0].y) == {40.0}
     spring = told["force_over_distance"]
     assert (spring.x, spring.x_unit, spring.marks) == ((30.0, 35.0, 40.0), "mm", ())
+    answer = told["squeeze_response"]
+    assert (answer.x, answer.x_unit, answer.lines[0].y) == ((0.5, 1.0), "Hz", (1.0, 1.0))  # mm/N
     assert panels(SHOWN, 100.0, language("de"))[0].title == "Griff- und Lastkraft, N"
 
 

@@ -23,6 +23,11 @@ def spring(seed: int) -> tuple[Simulated, np.ndarray]:
     return done(seed, held_object.squeeze, stiffness=600.0)
 
 
+@cache
+def spring_moved(seed: int) -> Trajectory:
+    return followed(spring(seed)[0]).trajectory
+
+
 def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figure]:
     event = next(e for e in made.events if e.trial_type == "task")
     found = squeeze.measure(squeeze.Params(), moved or followed(made).trajectory, event.onset, event.end, made.geometry)
@@ -32,8 +37,7 @@ def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figur
 def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
     off, surprise = [], []
     for seed in range(6):
-        made, true = spring(seed)
-        moved = followed(made).trajectory
+        (made, true), moved = spring(seed), spring_moved(seed)
         f = figures(made, moved)
         assert f["squeeze_count"].value == 8
         assert f["squeeze_rate"].value == pytest.approx(1 / 1.2, rel=0.02)
@@ -65,6 +69,8 @@ def test_a_damper_is_told_from_a_spring() -> None:
     assert f["squeeze_damping"].value == pytest.approx(60.0, abs=2.5 * (f["squeeze_damping"].sd or 0.0))
     assert f["squeeze_stiffness"].value == pytest.approx(400.0, rel=0.2)
     assert f["squeeze_stiffness"].reason == ""
+    assert f["squeeze_lag"].category == "holds", "a damper takes energy up"
+    assert f["squeeze_lag"].value == pytest.approx(60.0 / 400.0, rel=0.5)
 
 
 def untold(f: dict[str, Figure]) -> set[str]:
@@ -78,6 +84,35 @@ def test_what_seems_to_give_energy_back_has_no_damping() -> None:
     f = figures(made, replace(moved, forces=np.roll(moved.forces, 25, axis=0)))
     assert "energy came out" in f["squeeze_stiffness"].reason
     assert untold(f) == {"squeeze_damping", "squeeze_work"}
+    assert f["squeeze_lag"].category == "fails"
+    assert f["squeeze_lag"].value < -2 * (f["squeeze_lag"].sd or 0.0)
+
+
+def test_the_conditions_are_told_with_what_decides_them_and_the_answer_with_its_band() -> None:
+    (made, _), moved = spring(0), spring_moved(0)
+    event = next(e for e in made.events if e.trial_type == "task")
+    f = figures(made, moved)
+    told = {name: f[name].category for name in ("squeeze_coherence", "squeeze_force_bandwidth", "squeeze_lag")}
+    assert told == {
+        "squeeze_coherence": "nothing speaks against it",
+        "squeeze_force_bandwidth": "cannot be told",  # a spring answers as far up as it is pushed
+        "squeeze_lag": "nothing speaks against it",  # and neither takes energy up nor gives any
+    }
+    found = squeeze.measure(squeeze.Params(), moved, event.onset, event.end, made.geometry)
+    curves = {c.name: c for c in squeeze.shown(found).curves}
+    size, low, high = (curves[f"squeeze_response{which}"].y for which in ("", "_low", "_high"))
+    np.testing.assert_array_less(low, 1 / 600)
+    np.testing.assert_array_less(1 / 600, high)
+    assert (high > 1.05 * size).all(), "the scales' error is in it"
+    low, high = (curves[f"squeeze_phase{which}"].y for which in ("_low", "_high"))
+    assert (low < 0).all() and (high > 0).all()
+    assert curves["squeeze_coherence"].x_unit == "Hz"
+    short = {
+        one.name: one for one in squeeze.figures(squeeze.measure(squeeze.Params(), moved, event.onset, event.onset + 7.0, made.geometry))
+    }
+    assert np.isnan(short["squeeze_coherence"].value)
+    assert "too short a time" in short["squeeze_coherence"].reason
+    assert short["squeeze_stiffness"].reason == ""
 
 
 def test_forces_that_were_not_read_have_no_tops() -> None:
