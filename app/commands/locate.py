@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.commands.words import say
-from estimators import magnet_array, magnet_localisation, magnet_setup
+from estimators import magnet_array, magnet_search, magnet_setup
 from estimators.errors import InputError
 from estimators.magnet_array import Turned
 from estimators.magnet_localisation import Located
-from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST, Constellation
+from estimators.magnet_search import Search, Searched
+from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
 from estimators.quaternions import Array
 from estimators.samples import MAG
 from sessions import array_table, formats
@@ -27,47 +27,14 @@ COLUMNS = (
 MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
 UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
-RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
 TRIED = 200  # readings that are looked at once more without the moment told
-AROUND, MANY_STRANGE = 0.5, 0.3  # s, share of the readings that close by
-WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
-FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
+RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
 
 
 @dataclass(frozen=True)
 class Read:
     t: Array  # (n,) s
     mag: Array  # (n, magnetometers, 3) T
-
-
-@dataclass(frozen=True)
-class Search:
-    """Calibrated readings and where they were taken."""
-
-    mag: Array  # (n, magnetometers, 3) T
-    array: Constellation
-    noise: float  # T
-    place_sd: float  # m
-
-    def located(self, size: float | None, size_sd: float) -> Located:
-        regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
-        found = magnet_localisation.located(
-            self.mag,
-            self.array,
-            None,
-            size,
-            self.noise,
-            size_sd=size_sd,
-            regions=regions,
-            place_sd=self.place_sd,
-            worst=worst_misfit(len(self.array)),
-        )
-        return replace(found, found=found.found & ~found.disputed)
-
-
-def worst_misfit(many: int) -> float:
-    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are."""
-    return WORST * float(np.sqrt(max(3 * many - 9, 1) / (3 * many)))
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -109,13 +76,14 @@ def run(arguments: argparse.Namespace) -> int:
             f"not calibrated: iron on the board and turned chips are not seen, {1e6 * left:.2g} uT an axis are counted for them; record the array turned by hand "
             "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"
         )
-    noise = max(float(np.hypot(np.median(looked.noise * gains), left)), 1e-8)
+    left = max(left, 1e-8)
     told += _slow(read)
-    search = Search(mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
-    located = search.located(array.moment, size_sd)
-    located = replace(located, found=located.found & ~_among_strange(read.t, located, worst_misfit(len(array.names))))
-    doubted = _moment_doubted(search, array.moment, located)
+    noise = float(np.hypot(np.median(looked.noise * gains), left))
+    search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
+    answer = magnet_search.searched(search, array.moment, size_sd, left)
+    located = _gain_counted(answer.located, size_sd) if array.moment is None else answer.located
+    doubted = _moment_doubted(answer.search, array.moment, located)
     if doubted:  # what agrees with what is told by chance is no place
         located = replace(located, found=np.zeros_like(located.found))
     table = np.column_stack(
@@ -124,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
     for sentence in [*told, *_strange(array, mag, located), *doubted]:
         say(f"warning: {sentence}")
-    for sentence in _answer(read, located, noise):
+    for sentence in _answer(read, answer, located):
         say(sentence)
     return 0
 
@@ -147,6 +115,11 @@ def _read(path: Path, array: Described) -> Read:
     return Read(t, np.stack(each, axis=1))
 
 
+def _gain_counted(located: Located, size_sd: float) -> Located:
+    """Moments are no better known than the chips' gain."""
+    return replace(located, moment_sd=np.hypot(located.moment_sd, size_sd * located.moment))
+
+
 def _calibrated(array: Described, found: Turned) -> list[str]:
     """What the calibration found that somebody has to know."""
     said = [f"{name}: an axis points the other way than on most; turned round" for name, flip in zip(array.names, found.mirrored) if flip]
@@ -159,28 +132,20 @@ def _calibrated(array: Described, found: Turned) -> list[str]:
     return said
 
 
-def _answer(read: Read, located: Located, noise: float) -> list[str]:
+def _answer(read: Read, searched: Searched, located: Located) -> list[str]:
     """In words: how often a place was found and how well."""
     found = located.found
     said = [
-        f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * noise:.2g} uT an axis",
+        f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * searched.search.noise:.2g} uT an axis",
     ]
     if not found.any():
-        return [*said, f"no magnet is found: {_why(read, located)}"]
+        return [*said, f"no magnet is found: {_why(searched, located)}"]
     sd, size = np.linalg.norm(located.place_sd[found], axis=1), np.linalg.norm(located.moment[found], axis=1)
     return [
         *said,
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
-        *([f"not found in the others: {_why(read, located)}"] if not found.all() else []),
+        *([f"not found in the others: {_why(searched, located)}"] if not found.all() else []),
     ]
-
-
-def _among_strange(t: Array, located: Located, worst: float) -> NDArray[np.bool_]:
-    """Readings (n,) around which many are not those of one magnet: what disturbs those draws these."""
-    known = np.concatenate([[0], np.cumsum(np.isfinite(located.misfit))])
-    strange = np.concatenate([[0], np.cumsum(np.nan_to_num(located.misfit) > worst)])
-    first, last = np.searchsorted(t, t - AROUND), np.searchsorted(t, t + AROUND, side="right")
-    return np.asarray(strange[last] - strange[first] > MANY_STRANGE * (known[last] - known[first]))
 
 
 def _require_unit(read: float, unit: str | float, name: str) -> None:
@@ -208,7 +173,7 @@ def _slow(read: Read) -> list[str]:
 def _strange(array: Described, mag: Array, located: Located) -> list[str]:
     """Sentences where what is left without the magnet is no earth's field, or the magnet none for a hand: places do not tell a wrong unit."""
     said = []
-    explained = located.misfit < worst_misfit(mag.shape[1])
+    explained = located.misfit < magnet_search.worst_misfit(mag.shape[1])
     read = np.linalg.norm(
         located.field[explained] if explained.any() else mag, axis=-1
     )  # nothing explained: that of the quieter magnetometers
@@ -233,7 +198,7 @@ def _moment_doubted(search: Search, moment: float | None, located: Located) -> l
     if moment is None or len(search.array) < 4 or located.found.mean() > 0.5:
         return []
     some = np.flatnonzero(np.isfinite(search.mag).all(axis=(1, 2)))
-    free = replace(search, mag=search.mag[some[:: max(1, len(some) // TRIED)]]).located(None, 1.0) if len(some) else None
+    free = search.of(some[:: max(1, len(some) // TRIED)]).located(None, 1.0) if len(some) else None
     if free is None or free.found.mean() < 0.1:
         return []
     size = float(np.median(np.linalg.norm(free.moment[free.found], axis=1)))
@@ -246,13 +211,14 @@ def _moment_doubted(search: Search, moment: float | None, located: Located) -> l
     ]
 
 
-def _why(read: Read, located: Located) -> str:
+def _why(searched: Searched, located: Located) -> str:
     """Why places are not told, of what is most often so."""
     lost = ~located.found
-    strange = _among_strange(read.t, located, worst_misfit(read.mag.shape[1]))[lost]
     if np.isnan(located.left[lost]).mean() > 0.5:
         return "readings are missing or at their limit"
-    if strange.mean() > 0.5:
+    if searched.two[lost].mean() > 0.5:
+        return "the readings are those of two magnets, or of one and iron near: take the other away, and what is of steel"
+    if (searched.strange | searched.two)[lost].mean() > 0.5:
         return (
             "the readings are not those of one magnet in a homogeneous field: a second magnet, iron near, wrong places, or no calibration"
         )

@@ -1,0 +1,113 @@
+"""Where a magnet is throughout a recording of an array: place by place, and what beside or around them contradicts one magnet in a homogeneous field.
+
+In      readings (n, magnetometers, 3), T, with their times; where the magnetometers sit; their noise as differences of readings tell it
+Out     Searched: Located with what is not to be trusted taken out, and why; the noise as places tell it
+Source  magnet_localisation.py, magnet_second.py
+Limits  a second magnet or iron is told from noise by eight magnetometers or more; fewer see it where it leaves more than noise
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import magnet_localisation, magnet_second
+from estimators.magnet_localisation import Located
+from estimators.magnet_second import Second
+from estimators.magnet_setup import Constellation
+from estimators.quaternions import Array
+
+SAMPLED, SPARE = 60, 9  # readings and axes above the unknowns of which the noise is asked
+LESS = 0.5  # of the noise that differences tell: so much less that they tell of movement
+CLOSE, MANY = 0.5, 0.3  # s, share of the readings that close by: what disturbs those draws these
+WIDE, MOST = 5.0, 0.5  # s, share of the readings around: then what agrees does so by chance
+LOOKED, CHANCE = 0.1, 1e-4  # s between readings that are looked at for a second magnet; probability below which noise is none
+WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
+FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
+
+
+@dataclass(frozen=True)
+class Search:
+    """Calibrated readings and where they were taken."""
+
+    t: Array  # (n,) s
+    mag: Array  # (n, magnetometers, 3) T
+    array: Constellation
+    noise: float  # T
+    place_sd: float  # m
+
+    def of(self, rows: NDArray[np.intp]) -> "Search":
+        return replace(self, t=self.t[rows], mag=self.mag[rows])
+
+    def located(self, size: float | None, size_sd: float) -> Located:
+        """Places that agree with the size of the moment told."""
+        regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
+        found = magnet_localisation.located(
+            self.mag,
+            self.array,
+            None,
+            size,
+            self.noise,
+            size_sd=size_sd,
+            regions=regions,
+            place_sd=self.place_sd,
+            worst=worst_misfit(len(self.array)),
+        )
+        return replace(found, found=found.found & ~found.disputed)
+
+
+@dataclass(frozen=True)
+class Searched:
+    search: Search  # with the noise as places tell it
+    located: Located
+    strange: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
+    two: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+
+
+def searched(search: Search, size: float | None, size_sd: float, least: float) -> Searched:
+    """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
+    search = _quieter(search, size, size_sd, least)
+    located = search.located(size, size_sd)
+    looked = _looked(search.t)
+    chance = np.full(len(search.t), np.nan)
+    chance[looked] = _second(search, located, looked, size, size_sd).chance
+    too_much, better = located.misfit > worst_misfit(len(search.array)), chance < CHANCE
+    strange, two = _around(search.t, located.misfit, too_much, CLOSE, MANY), _around(search.t, chance, better, CLOSE, MANY)
+    seldom = np.full(len(search.t), np.nan)
+    seldom[looked] = located.misfit[looked]
+    chaos = _around(search.t, seldom, np.isfinite(seldom) & (too_much | better), WIDE, MOST)
+    strange |= chaos & ~two
+    return Searched(search, replace(located, found=located.found & ~strange & ~two), strange, two)
+
+
+def worst_misfit(many: int) -> float:
+    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are."""
+    return WORST * float(np.sqrt(max(3 * many - 9, 1) / (3 * many)))
+
+
+def _quieter(search: Search, size: float | None, size_sd: float, least: float) -> Search:
+    """With the noise that places leave, where the magnet moves so much from one reading to the next that their differences tell of movement."""
+    some = np.flatnonzero(np.isfinite(search.mag).all(axis=(1, 2)))
+    if search.noise * LESS < least or 3 * len(search.array) - 9 < SPARE or not len(some):
+        return search
+    sample = search.of(some[:: -(-len(some) // SAMPLED)]).located(size, size_sd)
+    left = magnet_localisation.noise_left(sample, len(search.array))
+    return replace(search, noise=max(left, least)) if left < LESS * search.noise else search
+
+
+def _looked(t: Array) -> NDArray[np.intp]:
+    """Readings of which a second magnet is asked: not more than are needed."""
+    return np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + LOOKED, LOOKED)).clip(0, len(t) - 1))
+
+
+def _second(search: Search, located: Located, rows: NDArray[np.intp], size: float | None, size_sd: float) -> Second:
+    part = Located(**{field.name: getattr(located, field.name)[rows] for field in fields(Located)})
+    return magnet_second.second(search.mag[rows], search.array, part, search.noise, search.place_sd, size, size_sd)
+
+
+def _around(t: Array, known: Array, strange: NDArray[np.bool_], near: float, share: float) -> NDArray[np.bool_]:
+    """Readings (n,) with more than that share strange of those that are known, no NaN, within `near` s."""
+    counted = np.concatenate([[0], np.cumsum(np.isfinite(known))])
+    off = np.concatenate([[0], np.cumsum(strange)])
+    first, last = np.searchsorted(t, t - near), np.searchsorted(t, t + near, side="right")
+    return np.asarray(off[last] - off[first] > share * (counted[last] - counted[first]))

@@ -1,0 +1,47 @@
+"""A whole recording of an array: a second magnet is told from noise, and the movement from one reading to the next is no noise."""
+
+import numpy as np
+
+from estimators import magnet_search
+from estimators import magnet_setup as setup
+from estimators.magnet_search import Search, Searched
+from estimators.quaternions import Array
+from estimators.simulation.magnetic_field import MagneticField
+
+NOISE, CALIBRATION, FIELD = 0.2e-6, 0.1e-6, np.array([0.0, 18.6e-6, -46.2e-6])
+PLACES = np.array([[x, y, 0.0] for x in (-0.06, -0.02, 0.02, 0.06) for y in (-0.04, 0.0, 0.04)])
+
+
+def _recorded(n: int, rate: float, second: bool) -> tuple[Array, Array, Array]:
+    """Times, readings (n, 12, 3) and places of a magnet that goes round before the array, another one a quarter of a metre away or none."""
+    t = np.arange(n) / rate
+    p = np.column_stack([0.05 * np.cos(3 * t), 0.05 * np.sin(2 * t), 0.11 + 0.02 * np.sin(1.3 * t)])
+    m = 0.4 * np.column_stack([np.cos(t), np.sin(t), np.zeros(n)])
+    off = np.column_stack([0.2 + 0.03 * np.sin(t), 0.1 * np.cos(t), np.full(n, 0.1)])
+    other = np.column_stack([np.zeros(n), 0.3 * np.cos(t), 0.2 * np.sin(t)]) * second
+    B = np.array([MagneticField(FIELD, np.array(w), np.array(v)).at(PLACES) for w, v in zip(zip(p, off), zip(m, other))])
+    return t, B + NOISE * np.random.default_rng(n).normal(size=B.shape), p
+
+
+def _searched(t: Array, mag: Array, noise: float) -> Searched:
+    return magnet_search.searched(Search(t, mag, setup.constellation(PLACES), noise, 0.0), None, 0.03, CALIBRATION)
+
+
+def test_a_second_magnet_is_told_from_noise() -> None:
+    t, mag, p = _recorded(40, 10.0, second=False)
+    alone = _searched(t, mag, NOISE)
+    assert alone.located.found.mean() > 0.9 and not alone.two.any()
+    assert np.median(np.linalg.norm(alone.located.place - p, axis=1)) < 0.002
+    t, mag, _ = _recorded(40, 10.0, second=True)
+    both = _searched(t, mag, NOISE)
+    assert both.two.mean() > 0.6 and not both.located.found.any()
+
+
+def test_movement_from_one_reading_to_the_next_is_no_noise() -> None:
+    """A magnet that is put to one place after another, as on a robot: differences of readings say 10 uT, what places leave says what the noise is."""
+    t, mag, p = _recorded(40, 1.0, second=False)
+    found = _searched(t, mag, 10e-6)
+    np.testing.assert_allclose(found.search.noise, NOISE, rtol=0.25)
+    assert found.located.found.mean() > 0.9
+    square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
+    assert 0.5 < square.mean() < 1.5
