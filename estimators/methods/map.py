@@ -97,7 +97,7 @@ def solve(
             problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
         )
     fingers, of_hand = _together(params, recording, fingers, progress)
-    said += [*problems, *of_hand, *(word for finger in fingers for word in words.told(params, finger))]
+    said += [*problems, *of_hand, *words.knocked(fingers), *(word for finger in fingers for word in words.told(params, finger))]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     moved = _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers)
@@ -132,7 +132,7 @@ def _calibrated(
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    words.require_one_minimum(params, finger, read, found)
+    words.require_one_minimum(params, finger, read, found, float(t[0]))
     return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
 
 

@@ -10,22 +10,16 @@ from dataclasses import dataclass, replace
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estimators.quaternions import Array
-from estimators.self_calibration import covariance, normal_equations, posterior, residuals
+from estimators.self_calibration import covariance, knocks, normal_equations, posterior, residuals
+from estimators.self_calibration.knocks import Jolt
 from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
-OPENED = 1e3  # times the error of a turn while it is asked whether its gyroscope was knocked: half a degree
-BESIDE = 3  # turns on either side of a strange acceleration: a rate enters four of them, three samples an acceleration
-JOLT = np.radians(0.2)  # in one turn of 10 ms, 20 deg/s: what is worth a word
-GROSS = 10.0  # usual errors by which a first guess may be off
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
 SMALL = 0.1  # of a standard deviation
 UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted
-MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
 Outcome = Literal["converged", "not converged", "stopped"]
 P = TypeVar("P")
 X = TypeVar("X")
@@ -43,21 +37,13 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Jolt:
-    """A turn that accelerations contradict: a gyroscope was knocked, or turned faster than it can tell."""
-
-    sensor: int
-    sample: int
-
-
-@dataclass(frozen=True)
 class Solution:
     at: Unknowns
     problem: Problem  # with the noise as it was found to be
     outcome: Outcome
     costs: tuple[float, ...]  # half the sum of squares at the start and after each step
     factor: Factor  # of the normal equations there
-    jolts: tuple[Jolt, ...] = ()  # the first of each run
+    jolts: tuple[Jolt, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -140,26 +126,29 @@ def learnt(
 ) -> Solution:
     """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
     rough = replace(limits, least_gain=limits.rough_gain)
-    base, doubt = problem, _doubt(posterior.strange(problem, start), GROSS)
-    knocked = _beside(doubt)
-    begun = replace(resized(problem, problem.noise, doubt), turn_sd=base.turn_sd * np.where(knocked, OPENED, 1.0)[:, None])
+    base = problem
+    strange = knocks.looked(knocks.none(len(base)), posterior.strange(base, start), knocks.GROSS, base.dt)
+    begun = replace(resized(base, base.noise, strange.doubt), turn_sd=base.turn_sd * np.where(strange.knocked, knocks.OPENED, 1.0)[:, None])
     found, steps = _settled(solve(begun, start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
-        doubt = _doubt(posterior.strange(found.problem, found.at), limits.knock)
-        fresh = _beside(doubt) & ~knocked
-        turns = base.turn_sd * np.where(fresh[:, None], OPENED, _jolted(base, found.at, knocked, limits.knock))
-        knocked = knocked | fresh
-        less = resized(found.problem, found.problem.noise, doubt)
+        strange = knocks.looked(strange, posterior.strange(found.problem, found.at), limits.knock, base.dt)
+        turns = base.turn_sd * knocks.turn_doubt(strange, base, found.at, limits.knock)
+        less = resized(found.problem, found.problem.noise, strange.doubt)
         told = replace(less, turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd)
         doubted = doubting(told, found.at)
         noise = posterior.learnt(doubted, found.at, found.factor)
         found = _settled(
             solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
         )
-    return replace(found, factor=covariance.honest(found.problem, found.at, found.factor), jolts=_jolts(base, found, knocked))
+    off = posterior.strange(resized(base, found.problem.noise), found.at)
+    return replace(
+        found,
+        factor=covariance.honest(found.problem, found.at, found.factor),
+        jolts=knocks.jolts(strange, base, found.at, off),
+    )
 
 
 def _settled(found: Solution) -> Solution:
@@ -169,31 +158,6 @@ def _settled(found: Solution) -> Solution:
     sure = covariance.honest(found.problem, found.at, found.factor).covariance
     step = normal_equations.step(built(found.problem, found.at)[0], found.factor).parameters
     return replace(found, outcome="converged" if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all() else found.outcome)
-
-
-def _beside(doubt: Array) -> NDArray[np.bool_]:
-    """Turns (n-1,) beside accelerations that are doubted by factors (n, S): accelerometer or gyroscope may be to blame."""
-    strange = np.flatnonzero((doubt > 1).any(axis=1))
-    found = np.zeros(len(doubt) - 1, bool)
-    found[np.clip(strange[:, None] + np.arange(-BESIDE, BESIDE), 0, len(found) - 1)] = True
-    return found
-
-
-def _jolted(problem: Problem, at: Unknowns, knocked: NDArray[np.bool_], limit: float) -> Array:
-    """Factors on the errors of turns (n-1, S) beside knocks: those that accelerations contradict stay doubted, the others are believed again."""
-    off = np.where(knocked[:, None], posterior.strange_turns(problem, at), 0.0)
-    return np.maximum(off / limit, 1.0)
-
-
-def _jolts(base: Problem, found: Solution, knocked: NDArray[np.bool_]) -> tuple[Jolt, ...]:
-    """By sensor; `base` has the gyroscopes' errors as they were believed first."""
-    off = np.where(knocked[:, None], posterior.strange_turns(base, found.at) * base.turn_sd, 0.0) > JOLT
-    return tuple(Jolt(s, int(k)) for s in range(off.shape[1]) for k in np.flatnonzero(np.diff(off[:, s].astype(int), prepend=0) > 0))
-
-
-def _doubt(off: Array, limit: float) -> Array:
-    """Factors on the errors (n, S) of samples that are off by more than `limit` usual errors of their sensor."""
-    return np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0)
 
 
 def doubting(problem: Problem, at: Unknowns) -> Problem:

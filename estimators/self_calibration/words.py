@@ -5,7 +5,7 @@ Out     sentences; InputError where nothing can be found
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,6 +22,8 @@ LEFT_OUT = 3.0  # s of a recording that are not worth a word
 LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
+MOMENT = 0.15  # s: knocks that lie closer are one
+OFTEN = 0.5  # knocks in a second, beyond which a person should do something about them
 
 
 def require_length(asked: Asked, duration: float) -> None:
@@ -85,8 +87,13 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
         )
 
 
-def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution) -> None:
-    """InputError where a gyroscope was at its limit too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand."""
+def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution, begun: float = 0.0) -> None:
+    """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
+
+    `begun` (s): of the readings' first sample.
+    """
+    if found.outcome != "converged":
+        _require_calm(finger, found, begun)
     slipped = steadiness.slips(found, read)
     if slipped or found.outcome != "converged":
         _require_rates(finger, read, found)
@@ -102,6 +109,18 @@ def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Soluti
                 f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
         raise InputError(f"{finger}: the calibration did not come to an end; record 40 s of free movement again; it is not calibrated")
+
+
+def _require_calm(finger: str, found: Solution, begun: float) -> None:
+    """InputError where the reason is that sensors were knocked again and again."""
+    dt, by = found.problem.dt, Counter(jolt.sensor for jolt in found.jolts)
+    times = _moments([begun + dt * jolt.sample for jolt in found.jolts])
+    if len(times) > OFTEN * dt * len(found.problem):
+        name = found.problem.chain.sensors[by.most_common(1)[0][0]]
+        raise InputError(
+            f"{finger}: its sensors were knocked {len(times)} times in {dt * len(found.problem):.0f} s, that of {name} most often, first at {times[0]:.1f} s,"
+            " and the calibration did not come to an end; keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again; it is not calibrated"
+        )
 
 
 def _require_rates(finger: str, read: Readings, found: Solution) -> None:
@@ -131,11 +150,6 @@ def told(asked: Asked, finger: Finger) -> list[str]:
             f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
             " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
         )
-    for s, name in enumerate(found.problem.chain.sensors):
-        if at := [float(finger.t[jolt.sample]) for jolt in found.jolts if jolt.sensor == s]:
-            said.append(
-                f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; there accelerations say how it turned"
-            )
     said += _doubted(found.problem)
     for segment in finger.segments.p_BS:
         if segment not in beside_stiff and not findings.placed(asked, finger, segment):
@@ -150,6 +164,49 @@ def told(asked: Asked, finger: Finger) -> list[str]:
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
             )
     return said
+
+
+def knocked(fingers: Sequence[Finger]) -> list[str]:
+    """Which sensors contradict the others for moments, each named once though fingers share the hand's."""
+    by: dict[tuple[str, str], list[float]] = {}
+    for finger in fingers:
+        for jolt in finger.solution.jolts:
+            name = finger.solution.problem.chain.sensors[jolt.sensor]
+            by.setdefault((name, jolt.kind), []).append(float(finger.t[jolt.sample]))
+    said = []
+    for (name, kind), times in by.items():
+        at = _moments(times)
+        if kind == "gyr":
+            said.append(
+                f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+            )
+        else:
+            said.append(
+                f"the accelerometer of {name} contradicts the other sensors {len(at)} times, first at {at[0]:.1f} s: it was knocked; what it read there is left out"
+            )
+    return said + _often(by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0))
+
+
+def _often(by: Mapping[tuple[str, str], Sequence[float]], duration: float) -> list[str]:
+    """What to do where sensors were knocked again and again."""
+    times = _moments([t for at in by.values() for t in at])
+    if len(times) <= OFTEN * duration:
+        return []
+    counts = Counter({name: 0 for name, _ in by})
+    for (name, _), at in by.items():
+        counts[name] += len(at)
+    return [
+        f"sensors were knocked {len(times)} times in {duration:.0f} s, that of {counts.most_common(1)[0][0]} most often: keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again"
+    ]
+
+
+def _moments(times: Sequence[float]) -> list[float]:
+    """Instants (s) in their order; those that are one knock count once."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > MOMENT:
+            found.append(t)
+    return found
 
 
 def _doubted(problem: Problem) -> list[str]:

@@ -58,9 +58,9 @@ def readings(recording: Simulated) -> Readings:
     return Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
 
 
-def cold(recording: Simulated, noise: Noise | None = None) -> tuple[Problem, Unknowns]:
-    """The problem and where the solver begins from nothing."""
-    noise, read = noise or Noise(), readings(recording)
+def cold(recording: Simulated, noise: Noise | None = None, read: Readings | None = None) -> tuple[Problem, Unknowns]:
+    """The problem and where the solver begins from nothing; `read`: other readings of the same finger."""
+    noise, read = noise or Noise(), read or readings(recording)
     guess = first_guess.unknowns(HINGED, noise, read)
     return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
 

@@ -89,6 +89,25 @@ def test_a_knock_is_trusted_less(solved: Solution) -> None:
     assert found.outcome == "converged"
     assert found.problem.acc_sd[601, 2] > 10 * np.median(found.problem.acc_sd)
     np.testing.assert_allclose(lengths(found.at), lengths(solved.at), rtol=0.003)
+    assert {(jolt.sensor, jolt.kind, abs(jolt.sample - 601) < 3) for jolt in found.jolts} == {(2, "acc", True)}
+
+
+def test_knocks_that_all_sensors_feel_are_carried_from_a_cold_start() -> None:
+    """Six in 16 s, on accelerometers and gyroscopes, the others a fifth as hard: each is laid at the sensor that was hit."""
+    recording, rng = recorded(2, DURATION, skin=True), np.random.default_rng(7)
+    read = readings(recording)
+    gyr, acc = read.gyr.copy(), read.acc.copy()
+    hits = {200: 0, 410: 2, 650: 1, 900: 3, 1180: 2, 1400: 1}
+    for at, hit in hits.items():
+        shares = np.where(np.arange(4) == hit, 1.0, 0.2)[:, None]
+        for values, size, rung in ((acc, 30.0, [0.7, -0.6]), (gyr, 3.0, [0.7, -0.4])):
+            way = rng.standard_normal((4, 3))
+            values[at : at + 2] += np.multiply.outer(rung, size * shares * way / np.linalg.norm(way, axis=1, keepdims=True))
+    found = solver.learnt(*cold(recording, read=replace(read, gyr=gyr, acc=acc)))
+    assert found.outcome == "converged" and len(found.costs) < 15
+    np.testing.assert_allclose(lengths(found.at), artificial_finger.HINGES, rtol=0.02)
+    assert {at for at in hits if any(abs(jolt.sample - at) < 5 for jolt in found.jolts)} == set(hits)
+    assert all(hits[min(hits, key=lambda at: abs(at - jolt.sample))] == jolt.sensor for jolt in found.jolts)
 
 
 def test_it_stops_when_told_to() -> None:
