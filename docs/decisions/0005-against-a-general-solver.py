@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import coo_array, csr_array
 
 from estimators.quaternions import Array
-from estimators.self_calibration import first_guess, residuals, solver
+from estimators.self_calibration import first_guess, residuals, skin, solver
 from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, bent, chain, columns, moved, posed, tangents, tilted
 from estimators.simulation import artificial_finger
 from estimators.simulation.sensors import IDEAL
@@ -74,7 +74,7 @@ def _slopes(problem: Problem, here: Unknowns, x: Array) -> csr_array:
     """Derivatives by the increment from `here`, sparse; what an increment of a rotation or a direction does where it is large is part of it."""
     at, S = _at(problem, here, x), len(LINKED.sensors)
     e, n, P = 3 * S, len(problem) * 3 * S, columns(LINKED).count
-    turning = residuals.right_jacobian(x[:n].reshape(len(problem), S, 3))
+    turning = skin.right_jacobian(x[:n].reshape(len(problem), S, 3))
     of_parameters = _of_axes(here, x[n:])
     rows, cols, values, first = [], [], [], 0
     for kind in residuals.EVERY_SAMPLE:

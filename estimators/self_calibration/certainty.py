@@ -82,14 +82,15 @@ def _bent(chain: Chain, turns: Array) -> Array:
 
 def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
     """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
-    near, far, axis_near, axis_far = at.near.copy(), at.far.copy(), at.axis_near.copy(), at.axis_far.copy()
+    near, far, axis_near, axis_far, slide = at.near.copy(), at.far.copy(), at.axis_near.copy(), at.axis_far.copy(), at.skin_slide.copy()
     for k, s in enumerate(chain.children):
-        turn, behind, hinges = off[k] * at.skin_turn[k], chain.parents == s, chain.hinges
+        back, behind, hinges = quat.exp(-off[k] * at.skin_turn[k]), chain.parents == s, chain.hinges
         for arms, which in ((near, k), (far, behind)):
-            arms[which] -= np.cross(turn, arms[which]) + off[k] * at.skin_slide[k]
+            arms[which] = quat.rotate(back, arms[which] - off[k] * at.skin_slide[k])
         for axes, own in ((axis_near, hinges == k), (axis_far, behind[hinges])):
-            axes[own] -= np.cross(turn, axes[own])
-    return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far)
+            axes[own] = quat.rotate(back, axes[own])
+        slide[k] = quat.rotate(back, slide[k])
+    return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far, skin_slide=slide)
 
 
 def _thinned(found: Solution, rows: Array) -> Solution:

@@ -14,6 +14,7 @@ from scipy.linalg import blas, lapack
 from estimators import quaternions as quat
 from estimators.quaternions import Array
 from estimators.self_calibration import hand_problem, normal_equations, residuals
+from estimators.self_calibration import skin as skin_motion
 from estimators.self_calibration.hand_problem import OWN, HandPlace, HandProblem, Layout
 from estimators.self_calibration.normal_equations import Normal, Step
 from estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
@@ -130,7 +131,7 @@ def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: 
     r = residuals.met(quiet, place, start, start + CHUNK).reshape(stop - first, -1, 3)
     seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
     samples = np.arange(first - 1, stop + 1)
-    v = bending[samples] @ (np.cross(at.skin_turn, place.far[root]) + at.skin_slide)
+    v = place.far[root] - skin_motion.seen(skin_motion.pulled(bending[samples], at.skin_turn, at.skin_slide), place.far[root])
     swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
     e = np.diff(swung, 2, axis=0) / quiet.dt**2
     pulled = seen * e[:, None] / residuals.common_scale(place)
@@ -163,17 +164,16 @@ def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, sta
 
 
 def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
-    """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin.
-
-    To first order, as `residuals._pulled`: the sensor sees the joint nearer by the turn's cross product with the arm and the slide.
-    """
+    """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
     arm, b = place.far[hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
     R = residuals.SECOND_DIFFERENCE[:, None, None] / limb.dt**2 * quat.matrix(place.q_GS[:, 0])[samples]
-    v = b @ (np.cross(at.skin_turn, arm) + at.skin_slide)
-    by_far = np.einsum("tkij,tkjl->til", R, quat.skew(b @ at.skin_turn))
-    swung = np.einsum("tkf,tkij->tifj", b, R)
+    moved = skin_motion.pulled(b, at.skin_turn, at.skin_slide)
+    v = arm - skin_motion.seen(moved, arm)
+    by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
+    by_turn = np.einsum("tkf,tkij->tifj", b, -R @ skin_motion.by_turn(moved, arm))
+    by_slide = np.einsum("tkf,tkij->tifj", b, R @ moved.back)
     T = len(b)
-    by_skin = np.concatenate([(-swung @ quat.skew(arm)).reshape(T, 3, -1), swung.reshape(T, 3, -1)], axis=2)
+    by_skin = np.concatenate([by_turn.reshape(T, 3, -1), by_slide.reshape(T, 3, -1)], axis=2)
     return -R @ quat.skew(v), by_far, by_skin
 
 

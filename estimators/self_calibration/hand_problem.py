@@ -130,7 +130,7 @@ def straightened(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
 
 def rebent(problem: HandProblem, at: HandPlace) -> HandProblem:
     """The same problem with joints flexed as here."""
-    return replace(problem, limbs=tuple(bent(limb, place) for limb, place in zip(problem.limbs, at.limbs)))
+    return replace(problem, limbs=tuple(bent(limb, place) for limb, place in zip(problem.limbs, straightened(problem, at))))
 
 
 def error_sd(problem: HandProblem) -> Array:

@@ -333,18 +333,25 @@ def _cross(a: Array, b: Array) -> Array:
 
 def bent(problem: Problem, at: Unknowns) -> Problem:
     """The same problem with joints flexed (n, J) as here: between the bones on either side, a nominal direction where a segment shows none."""
-    chain, found = problem.chain, np.empty_like(problem.bent)
+    chain, found, q_GS = problem.chain, np.empty_like(problem.bent), unskinned(problem, at)
     hinge = {int(k): h for h, k in enumerate(chain.hinges)}
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
         axis = problem.flexing[i]
         if k in hinge:
             axis = at.axis_far[hinge[k]] * (1.0 if at.axis_far[hinge[k]] @ axis >= 0 else -1.0)
-        before, behind = quat.rotate(at.q_GS[:, i], _bone(problem, at, int(i))), quat.rotate(at.q_GS[:, j], _bone(problem, at, int(j)))
-        z = quat.rotate(at.q_GS[:, i], axis)
+        before, behind = (quat.rotate(q_GS[:, s], _bone(problem, at, int(s))) for s in (i, j))
+        z = quat.rotate(q_GS[:, i], axis)
         side = np.einsum("ni,ni->n", z, np.cross(before, behind))
         along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum("ni,ni->n", z, behind)
         found[:, k] = np.arctan2(side, along)
     return replace(problem, bent=found)
+
+
+def unskinned(problem: Problem, at: Unknowns) -> Array:
+    """Orientations (n, S, 4) that the sensors would have if no skin turned them on their segments."""
+    back = np.zeros(at.q_GS.shape[:2] + (3,))
+    back[:, problem.chain.children] = -problem.bent[..., None] * at.skin_turn
+    return quat.multiply(at.q_GS, quat.exp(back))
 
 
 def _bone(problem: Problem, at: Unknowns, s: int) -> Array:

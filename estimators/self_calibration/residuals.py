@@ -6,14 +6,16 @@ Source  Kortier, thesis ch. 4; his numbers stand at each function
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estimators import quaternions as quat
 from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
+from estimators.self_calibration import skin
 from estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, columns, tangents
+from estimators.self_calibration.skin import Skin, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
@@ -82,20 +84,19 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     felt = np.einsum("k,tksij->tsij", NUMEROV, R)
     scaled = np.einsum("k,tksij,tksl->tsijl", NUMEROV, R, read[at_three - (start - 1)]).reshape(T, S, 3, 9)
     turned = SECOND_DIFFERENCE[:, None, None, None] / dt**2 * R
+    pulled = [_skin(problem, at, s, at_three) for s in range(S)]
     for k in range(J):
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
-            bent, c_S, arm = _pulled(problem, at, int(s), still, at_three)
-            g = SECOND_DIFFERENCE[:, None] / dt**2 * arm + NUMEROV[:, None] * f[:, :, s]
+            g = SECOND_DIFFERENCE[:, None] / dt**2 * skin.seen(pulled[s], still) + NUMEROV[:, None] * f[:, :, s]
             by[:, k, :, :, s] = -sign * (R[:, :, s] @ quat.skew(g)).transpose(0, 2, 1, 3)
-            swung = turned[:, :, s].sum(axis=1)
-            by_parameters[:, k, :, place : place + 3] = sign * swung
+            swung = turned[:, :, s] @ pulled[s].back
+            by_parameters[:, k, :, place : place + 3] = sign * swung.sum(axis=1)
             by_parameters[:, k, :, 12 * J + 3 * s : 12 * J + 3 * s + 3] = -sign * felt[:, s]
             by_parameters[:, k, :, 12 * J + 3 * S + 9 * s : 12 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
-                pulling = np.einsum("tk,tkij->tij", bent, turned[:, :, s])
-                by_parameters[:, k, :, place : place + 3] -= sign * pulling @ quat.skew(c_S)
-                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * pulling @ quat.skew(still)
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * pulling
+                by_turn = np.einsum("tkm,tkij,tkjl->til", pulled[s].bent, turned[:, :, s], skin.by_turn(pulled[s], still))
+                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * np.einsum("tkm,tkij->tij", pulled[s].bent, swung)
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
     mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
@@ -109,9 +110,10 @@ def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
     chain, start, stop = problem.chain, max(start, 1), min(stop, len(problem) - 1)
     R, f = quat.matrix(at.q_GS[start - 1 : stop + 1]), _true(at, problem.acc[start - 1 : stop + 1])
     samples, e = np.arange(start - 1, stop + 1), np.zeros((stop - start, len(chain.joints), 3))
+    pulled = [_skin(problem, at, s, samples) for s in range(len(chain.sensors))]
     for k in range(len(chain.joints)):
         for sign, s, still in ((1.0, chain.children[k], at.near[k]), (-1.0, chain.parents[k], at.far[k])):
-            arm = np.einsum("tij,tj->ti", R[:, s], _pulled(problem, at, int(s), still, samples)[2])
+            arm = np.einsum("tij,tj->ti", R[:, s], skin.seen(pulled[s], still))
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
             for place, (swing, share) in enumerate(zip(SECOND_DIFFERENCE / problem.dt**2, NUMEROV)):
                 three = slice(place, place + stop - start)
@@ -125,17 +127,10 @@ def common_scale(at: Unknowns) -> float:
     return float(1 + np.trace(at.scale_acc, axis1=1, axis2=2).mean() / 3)
 
 
-def _pulled(problem: Problem, at: Unknowns, s: int, arm: Array, samples: Indices) -> tuple[Array, Array, Array]:
-    """How far the joint before a sensor is bent (...), how the skin turns the sensor with it (3,), and an arm (3,) or (..., 3) of the sensor with the skin pulled.
-
-    First order: a sensor that turned by c and slid by s sees a place r at r - c x r - s.
-    """
-    before = np.flatnonzero(problem.chain.children == s)
-    if not len(before):
-        return np.zeros(samples.shape), np.zeros(3), np.broadcast_to(arm, (*samples.shape, 3))
-    m = int(before[0])
-    bent = problem.bent[samples, m]
-    return bent, at.skin_turn[m], arm - bent[..., None] * (np.cross(at.skin_turn[m], arm) + at.skin_slide[m])
+def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
+    """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
+    before = problem.chain.children == s
+    return skin.pulled(problem.bent[samples][..., before], at.skin_turn[before], at.skin_slide[before])
 
 
 def whitening(problem: Problem, start: int, stop: int) -> Array:
@@ -160,15 +155,15 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
             (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
         ):
-            bent, c_S, _ = _pulled(problem, at, int(s), still, samples)
-            axis = still - bent[:, None] * np.cross(c_S, still)
+            pulled = replace(_skin(problem, at, int(s), samples), slide=np.zeros((T, 3)))  # a direction is the same everywhere
+            axis = skin.seen(pulled, still)
             r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
             by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
-            by_parameters[:, h, :, place : place + 2] = (
-                sign * R[:, s] @ (np.eye(3) - bent[:, None, None] * quat.skew(c_S)) @ tangents(still[None])[0]
-            )
+            by_parameters[:, h, :, place : place + 2] = sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
             for m in np.flatnonzero(chain.children == s):
-                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * bent[:, None, None] * R[:, s] @ quat.skew(still)
+                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = (
+                    sign * pulled.bent[..., None] * R[:, s] @ skin.by_turn(pulled, still)
+                )
     cols = _cols(c.axis_far, c.axis_near, c.skin_turn)
     return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 3 * J), cols)
 
@@ -321,17 +316,6 @@ def _framing(problem: Problem, at: Unknowns, c: Columns, h: int) -> list[tuple[f
             slope[place : place + 2] = tangents(axis[None])[0].T @ along
             found.append((float(along @ axis) / (1e-3 * sd), slope / (1e-3 * sd)))
     return found
-
-
-def right_jacobian(v: Array) -> Array:
-    """exp(v + dv) = exp(v) exp(right_jacobian(v) dv), rotation vectors (..., 3) -> (..., 3, 3). Source: Sola et al. 2018, (143)."""
-    size = np.linalg.norm(v, axis=-1)[..., None, None]
-    small = size < 1e-4
-    safe = np.where(small, 1.0, size)
-    K = quat.skew(v)
-    one = np.where(small, 0.5 - size**2 / 24, (1 - np.cos(safe)) / safe**2)
-    two = np.where(small, 1 / 6 - size**2 / 120, (safe - np.sin(safe)) / safe**3)
-    return np.asarray(np.eye(3) - one * K + two * K @ K)
 
 
 def inverse_jacobian(v: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from estimators import quaternions as quat
 from estimators.hand_anatomy import Hand, side_sign
 from estimators.quaternions import Array
-from estimators.self_calibration.problem import Chain, Unknowns, columns
+from estimators.self_calibration.problem import Chain, Unknowns, columns, unskinned
 from estimators.self_calibration.solver import Solution
 
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -80,9 +80,4 @@ def _length_sd(found: Solution, s: int) -> float:
 
 def _turned(found: Solution, s: int, q_BS: Array) -> Array:
     """Orientation of a sensor's segment (n, 4), what its skin does taken off."""
-    before = np.flatnonzero(found.problem.chain.children == s)
-    q_GS = found.at.q_GS[:, s]
-    if len(before):
-        m = before[0]
-        q_GS = quat.multiply(q_GS, quat.exp(-found.problem.bent[:, m, None] * found.at.skin_turn[m]))
-    return quat.multiply(q_GS, quat.conjugate(q_BS))
+    return quat.multiply(unskinned(found.problem, found.at)[:, s], quat.conjugate(q_BS))
