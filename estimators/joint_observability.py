@@ -219,7 +219,7 @@ def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem
     none, skin, whole = np.zeros((S, 3)), np.zeros((J, 3)), np.zeros((S, 3, 3))
     axes = (problem.flexing[links.parents[links.hinges]], problem.flexing[links.children[links.hinges]])
     turned = _turned(q_GS, problem.turns)
-    at = Unknowns(turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1))
+    at = Unknowns(turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1), np.zeros((J, 2)))
     return bent(problem, at), at
 
 

@@ -94,7 +94,11 @@ def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
 
 
 def _thinned(found: Solution, rows: Array) -> Solution:
-    return replace(found, at=replace(found.at, q_GS=found.at.q_GS[rows]), problem=replace(found.problem, bent=found.problem.bent[rows]))
+    return replace(
+        found,
+        at=replace(found.at, q_GS=found.at.q_GS[rows]),
+        problem=replace(found.problem, bent=found.problem.bent[rows], by_tilt=found.problem.by_tilt[rows]),
+    )
 
 
 def _moved(told: Segments, geometry: HandGeometry) -> tuple[Array, Array]:

@@ -28,7 +28,9 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings) -> Unknowns:
     pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
     axes = np.array(pairs).reshape(-1, 2, 3)
     none, whole = np.zeros((len(far), 3)), np.zeros((len(bias), 3, 3))
-    return Unknowns(q_GS, far, near, bias, np.zeros_like(bias), whole, whole, axes[:, 0], axes[:, 1], none, none, np.zeros(1))
+    return Unknowns(
+        q_GS, far, near, bias, np.zeros_like(bias), whole, whole, axes[:, 0], axes[:, 1], none, none, np.zeros(1), np.zeros((len(far), 2))
+    )
 
 
 def fused(readings: Readings) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from estimators.quaternions import Array
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
 LIMBS = {**CHAINS, "forearm": ("forearm",)}  # what hangs on the hand with a joint of its own, segments from there on
+TILTING = 1e-5  # rad, between axes whose difference is a derivative
 RESTING_GYR, RESTING_ACC = (
     0.3,
     0.06,
@@ -156,6 +157,8 @@ class Problem:
     bias_told: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
     bias_sd: float  # rad/s
     bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
+    by_tilt: Array  # (n, J, 2) rad/rad, how that changes with the tilt of the axis about which it is counted
+    tilt: Array  # (J, 2) rad, where it was counted
     seat_sd: Array  # (S,) rad, how far a sensor may sit off its nominal mounting
     length: Array  # (S,) m, of segments as given; NaN where nothing is
     length_sd: Array  # (S,) m
@@ -178,6 +181,7 @@ class Unknowns:
     skin_turn: Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
     skin_slide: Array  # (J, 3) m/rad, how far it slides
     delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
+    tilt: Array  # (J, 2) rad, of the axis about which a joint that is no hinge is counted as flexed, off the nominal one: skin is pulled by that
 
 
 @dataclass(frozen=True)
@@ -195,10 +199,11 @@ class Columns:
     skin_turn: slice
     skin_slide: slice
     delay: slice
+    tilt: slice
 
     @property
     def count(self) -> int:
-        return int(self.delay.stop)
+        return int(self.tilt.stop)
 
 
 def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: Sequence[str] | None = None) -> Chain:
@@ -246,6 +251,8 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Ha
         bias_told,
         bias_sd,
         np.zeros((len(readings), len(chain.joints))),
+        np.zeros((len(readings), len(chain.joints), 2)),
+        np.zeros((len(chain.joints), 2)),
         np.full(len(chain.sensors), np.radians(noise.mounting)),
         np.full(len(chain.sensors), np.nan),
         np.full(len(chain.sensors), 1e-3 * noise.length),
@@ -284,7 +291,7 @@ def turned(w: Array, dt: float) -> Array:
 def columns(chain: Chain) -> Columns:
     """The layout of the parameters' increment."""
     J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
-    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1]).tolist()
+    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1, 2 * J]).tolist()
     return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
 
 
@@ -305,6 +312,7 @@ def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknow
         skin_turn=at.skin_turn + parameters[c.skin_turn].reshape(-1, 3),
         skin_slide=at.skin_slide + parameters[c.skin_slide].reshape(-1, 3),
         delay=at.delay + parameters[c.delay],
+        tilt=at.tilt + parameters[c.tilt].reshape(-1, 2),
     )
 
 
@@ -333,24 +341,37 @@ def _cross(a: Array, b: Array) -> Array:
 
 def bent(problem: Problem, at: Unknowns) -> Problem:
     """The same problem with joints flexed (n, J) as here: between the bones on either side, a nominal direction where a segment shows none."""
-    chain, found, q_GS = problem.chain, np.empty_like(problem.bent), unskinned(problem, at)
+    chain, q_GS = problem.chain, unskinned(problem, at)
+    found, by_tilt = np.empty_like(problem.bent), np.zeros_like(problem.by_tilt)
     hinge = {int(k): h for h, k in enumerate(chain.hinges)}
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        axis = problem.flexing[i]
-        if k in hinge:
-            axis = at.axis_far[hinge[k]] * (1.0 if at.axis_far[hinge[k]] @ axis >= 0 else -1.0)
         before, behind = (quat.rotate(q_GS[:, s], _bone(problem, at, int(s))) for s in (i, j))
-        z = quat.rotate(q_GS[:, i], axis)
-        side = np.einsum("ni,ni->n", z, np.cross(before, behind))
-        along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum("ni,ni->n", z, behind)
-        found[:, k] = np.arctan2(side, along)
-    return replace(problem, bent=found)
+        if k in hinge:
+            axis = at.axis_far[hinge[k]] * (1.0 if at.axis_far[hinge[k]] @ problem.flexing[i] >= 0 else -1.0)
+            found[:, k] = _flexed(quat.rotate(q_GS[:, i], axis), before, behind)
+            continue
+        axes = tilted(np.tile(problem.flexing[i], (3, 1)), at.tilt[k] + TILTING * np.array([[0, 0], [1, 0], [0, 1]]))
+        found[:, k], *others = (_flexed(quat.rotate(q_GS[:, i], axis), before, behind) for axis in axes)
+        by_tilt[:, k] = np.stack([other - found[:, k] for other in others], axis=1) / TILTING
+    return replace(problem, bent=found, by_tilt=by_tilt, tilt=at.tilt)
+
+
+def _flexed(z: Array, before: Array, behind: Array) -> Array:
+    """How far the second direction is turned from the first about a third, all (n, 3): (n,) rad."""
+    side = np.einsum("ni,ni->n", z, np.cross(before, behind))
+    along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum("ni,ni->n", z, behind)
+    return np.asarray(np.arctan2(side, along))
+
+
+def bending(problem: Problem, at: Unknowns, samples: Indices) -> Array:
+    """How far joints are flexed (..., J) rad at samples (...), about axes tilted as here."""
+    return np.asarray(problem.bent[samples] + np.einsum("...jx,jx->...j", problem.by_tilt[samples], at.tilt - problem.tilt))
 
 
 def unskinned(problem: Problem, at: Unknowns) -> Array:
     """Orientations (n, S, 4) that the sensors would have if no skin turned them on their segments."""
     back = np.zeros(at.q_GS.shape[:2] + (3,))
-    back[:, problem.chain.children] = -problem.bent[..., None] * at.skin_turn
+    back[:, problem.chain.children] = -bending(problem, at, np.arange(len(back)))[..., None] * at.skin_turn
     return quat.multiply(at.q_GS, quat.exp(back))
 
 

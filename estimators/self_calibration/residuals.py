@@ -14,7 +14,7 @@ from estimators import quaternions as quat
 from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
 from estimators.self_calibration import skin
-from estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, columns, tangents
+from estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, bending, columns, tangents
 from estimators.self_calibration.skin import Skin, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
@@ -80,7 +80,7 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     read = problem.acc[start - 1 : stop + 1]
     f = _true(at, read)[at_three - (start - 1)]  # (T, 3, S, 3)
     by = np.zeros((T, J, 3, 3, S, 3))
-    by_parameters = np.zeros((T, J, 3, 12 * J + 12 * S))
+    by_parameters = np.zeros((T, J, 3, 14 * J + 12 * S))
     felt = np.einsum("k,tksij->tsij", NUMEROV, R)
     scaled = np.einsum("k,tksij,tksl->tsijl", NUMEROV, R, read[at_three - (start - 1)]).reshape(T, S, 3, 9)
     turned = SECOND_DIFFERENCE[:, None, None, None] / dt**2 * R
@@ -91,17 +91,21 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             by[:, k, :, :, s] = -sign * (R[:, :, s] @ quat.skew(g)).transpose(0, 2, 1, 3)
             swung = turned[:, :, s] @ pulled[s].back
             by_parameters[:, k, :, place : place + 3] = sign * swung.sum(axis=1)
-            by_parameters[:, k, :, 12 * J + 3 * s : 12 * J + 3 * s + 3] = -sign * felt[:, s]
-            by_parameters[:, k, :, 12 * J + 3 * S + 9 * s : 12 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
+            by_parameters[:, k, :, 14 * J + 3 * s : 14 * J + 3 * s + 3] = -sign * felt[:, s]
+            by_parameters[:, k, :, 14 * J + 3 * S + 9 * s : 14 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
-                by_turn = np.einsum("tkm,tkij,tkjl->til", pulled[s].bent, turned[:, :, s], skin.by_turn(pulled[s], still))
-                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * np.einsum("tkm,tkij->tij", pulled[s].bent, swung)
+                bent = pulled[s].bent[..., None]
+                by_turn = turned[:, :, s] @ (bent * skin.by_turn(pulled[s], still))
+                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn.sum(axis=1)
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * (bent * swung).sum(axis=1)
+                by_bent = skin.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
+                by_tilt = turned[:, :, s] @ (by_bent[..., None] * problem.by_tilt[at_three, m][:, :, None])
+                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = sign * by_tilt.sum(axis=1)
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
     mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
-    mixed[1][..., 12 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
-    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.bias_acc, c.scale_acc)
+    mixed[1][..., 14 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.bias_acc, c.scale_acc)
     return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
 
 
@@ -130,7 +134,7 @@ def common_scale(at: Unknowns) -> float:
 def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
     """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
     before = problem.chain.children == s
-    return skin.pulled(problem.bent[samples][..., before], at.skin_turn[before], at.skin_slide[before])
+    return skin.pulled(bending(problem, at, samples)[..., before], at.skin_turn[before], at.skin_slide[before])
 
 
 def whitening(problem: Problem, start: int, stop: int) -> Array:
@@ -149,9 +153,9 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     T, H, S, sd = stop - start, len(chain.hinges), len(chain.sensors), np.radians(problem.noise.hinge)
     R = quat.matrix(at.q_GS[start:stop])
     J, samples = len(chain.joints), np.arange(start, stop)
-    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 3 * J))
+    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 5 * J))
     for h, joint in enumerate(chain.hinges):
-        for sign, s, still, place in (
+        for sign, s, still, own in (
             (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
             (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
         ):
@@ -159,13 +163,14 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             axis = skin.seen(pulled, still)
             r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
             by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
-            by_parameters[:, h, :, place : place + 2] = sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
+            by_parameters[:, h, :, own : own + 2] = sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
             for m in np.flatnonzero(chain.children == s):
-                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = (
-                    sign * pulled.bent[..., None] * R[:, s] @ skin.by_turn(pulled, still)
-                )
-    cols = _cols(c.axis_far, c.axis_near, c.skin_turn)
-    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 3 * J), cols)
+                by_turn, place = skin.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
+                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * pulled.bent[..., None] * R[:, s] @ by_turn
+                by_bent = sign * R[:, s] @ skin.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
+                by_parameters[:, h, :, place : place + 2] = by_bent * problem.by_tilt[samples, m][:, None]
+    cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt)
+    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 5 * J), cols)
 
 
 def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
@@ -222,12 +227,13 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
         (c.skin_turn, at.skin_turn, np.radians(noise.skin_turn) / (np.pi / 2)),
         (c.skin_slide, at.skin_slide, 1e-3 * noise.skin_slide / (np.pi / 2)),
         (c.delay, at.delay, 1e-3 * noise.delay),
+        (c.tilt, at.tilt, np.repeat(problem.seat_sd[chain.parents], 2)),
     )
     r, by = [], []
     for where, value, sd in sizes:
         flat = np.ravel(value)
         r.append(flat / sd)
-        by.append(np.eye(c.count)[where] / sd)
+        by.append(np.eye(c.count)[where] / np.reshape(sd, (-1, 1)))
     for h in range(len(chain.hinges)):
         for off, slope in _framing(problem, at, c, h):
             r.append(np.array([off]))

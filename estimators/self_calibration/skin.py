@@ -37,6 +37,11 @@ def by_turn(skin: Skin, place: Array) -> Array:
     return np.asarray(skin.back @ quat.skew(place - skin.slide) @ right_jacobian(-skin.turn))
 
 
+def by_bending(skin: Skin, turn: Array, slide: Array, place: Array) -> Array:
+    """The derivative (..., 3) of `seen` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
+    return -np.asarray(np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide))
+
+
 def right_jacobian(v: Array) -> Array:
     """exp(v + dv) = exp(v) exp(right_jacobian(v) dv), rotation vectors (..., 3) -> (..., 3, 3). Source: Sola et al. 2018, (143)."""
     size = np.linalg.norm(v, axis=-1)[..., None, None]

@@ -105,6 +105,7 @@ def longer(window: Window, fresh: Readings) -> Window:
         acc=np.concatenate([problem.acc, piece.acc[new]]),
         acc_sd=np.concatenate([problem.acc_sd, piece.acc_sd[new]]),
         bent=np.concatenate([problem.bent, np.zeros((m, problem.bent.shape[1]))]),
+        by_tilt=np.concatenate([problem.by_tilt, np.zeros((m, *problem.by_tilt.shape[1:]))]),
     )
     ahead = _carried(_samples(window.at, -1, None), piece.turns[between], problem.dt)
     at = replace(window.at, q_GS=np.concatenate([window.at.q_GS, ahead.q_GS[1:]]))
@@ -232,7 +233,7 @@ def _way(past: Past, window: Window, c: Columns) -> tuple[Array, Array]:
     places = [*range(0, 3 * SHARED * S, 3), *range(3 * SHARED * S + c.count, len(slope), 3)]
     for k, own in zip(places, residuals.inverse_jacobian(turns).reshape(-1, 3, 3)):
         slope[k : k + 3, k : k + 3] = own
-    for name in ("far", "near", "bias_gyr", "bias_acc", "scale_gyr", "scale_acc", "skin_turn", "skin_slide", "delay"):
+    for name in ("far", "near", "bias_gyr", "bias_acc", "scale_gyr", "scale_acc", "skin_turn", "skin_slide", "delay", "tilt"):
         p[getattr(c, name)] = np.ravel(getattr(at, name) - getattr(before, name))
     for where, old, new in ((c.axis_far, before.axis_far, at.axis_far), (c.axis_near, before.axis_near, at.axis_near)):
         was, now = tangents(old), tangents(new)
@@ -271,7 +272,7 @@ def _carried(at: Unknowns, turns: Array, dt: float) -> Unknowns:
 
 def _cut(problem: Problem, start: int, stop: int) -> Problem:
     turns = {name: getattr(problem, name)[start : stop - 1] for name in ("turns", "later", "turn_sd")}
-    return replace(problem, **turns, **{name: getattr(problem, name)[start:stop] for name in ("acc", "acc_sd", "bent")})
+    return replace(problem, **turns, **{name: getattr(problem, name)[start:stop] for name in ("acc", "acc_sd", "bent", "by_tilt")})
 
 
 def _samples(at: Unknowns, start: int, stop: int | None) -> Unknowns:

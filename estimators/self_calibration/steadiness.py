@@ -104,4 +104,5 @@ def _part(problem: Problem, start: int, stop: int) -> Problem:
         turn_sd=problem.turn_sd[start : stop - 1],
         acc_sd=problem.acc_sd[start:stop],
         bent=problem.bent[start:stop],
+        by_tilt=problem.by_tilt[start:stop],
     )

@@ -138,7 +138,9 @@ def _guess(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
     bias = np.array([calibration.gyr_bias.get(s, np.zeros(3)) for s in links.sensors])
     none, whole = np.zeros((J, 3)), np.zeros((S, 3, 3))
     axes = z[links.parents[links.hinges]], z[links.children[links.hinges]]
-    return Unknowns(q_GS[None], np.array(far), np.array(near), bias, np.zeros((S, 3)), whole, whole, *axes, none, none, np.zeros(1))
+    return Unknowns(
+        q_GS[None], np.array(far), np.array(near), bias, np.zeros((S, 3)), whole, whole, *axes, none, none, np.zeros(1), np.zeros((J, 2))
+    )
 
 
 def _readings(nodes: Nodes, rows: list[int]) -> Readings:
@@ -189,7 +191,8 @@ def _sure(setting: Setting, finger: Finger, slid: Slid) -> Sure:
     window, n = slid.window, len(slid.window.problem)
     k = min(setting.lag + 1, n)
     at = replace(window.at, q_GS=window.at.q_GS[n - k : n - k + 1])
-    problem = replace(window.problem, acc=window.problem.acc[n - k : n - k + 1], bent=window.problem.bent[n - k : n - k + 1])
+    one = slice(n - k, n - k + 1)
+    problem = replace(window.problem, acc=window.problem.acc[one], bent=window.problem.bent[one], by_tilt=window.problem.by_tilt[one])
     luck = posterior.normal_numbers(DRAWS, 1 << 15)
     angles, tip = _moved(setting, finger, _solution(at, problem, slid.factor), window.pose, 0.0)
     drawn = [

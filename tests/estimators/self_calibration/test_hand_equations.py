@@ -43,9 +43,10 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
             0.05 * rng.normal(size=(J, 3)),
             0.001 * rng.normal(size=(J, 3)),
             delay,
+            0.1 * rng.normal(size=(J, 2)),
         )
         problem = measured(posed(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}), {names[1]: 0.04})
-        limbs.append(replace(problem, bent=rng.normal(size=(SAMPLES, J))))
+        limbs.append(replace(problem, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))))
         places.append(at)
     skin = rng.normal(size=(2, 2, 3)) * np.array([0.05, 0.001])[:, None, None]
     return hand_problem.gathered(limbs, Noise()), HandPlace(tuple(places), rng.normal(size=(SAMPLES, 3)), *skin)

@@ -9,7 +9,20 @@ from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
 from estimators.quaternions import Array
 from estimators.self_calibration import residuals
-from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, chain, columns, measured, moved, posed, turned
+from estimators.self_calibration.problem import (
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    bending,
+    bent,
+    chain,
+    columns,
+    measured,
+    moved,
+    posed,
+    turned,
+)
 from estimators.self_calibration.skin import right_jacobian
 from estimators.simulation import artificial_finger
 from estimators.simulation.scenario import Simulated
@@ -41,10 +54,11 @@ def _somewhere() -> tuple[Problem, Unknowns]:
         skin[0],
         0.01 * skin[1],
         np.array([0.002]),
+        0.1 * rng.normal(size=(J, 2)),
     )
     problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
     given = measured(problem, {"index_proximal": 0.04, "index_middle": 0.02})
-    return replace(given, bent=rng.normal(size=(SAMPLES, J))), at
+    return replace(given, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))), at
 
 
 @pytest.mark.parametrize("kind", residuals.EVERY_SAMPLE, ids=lambda k: k.__name__)
@@ -70,6 +84,16 @@ def test_derivatives_of_the_priors() -> None:
     P, n = columns(problem.chain).count, SAMPLES * 3 * len(problem.chain.sensors)
     numeric = _derivative(lambda p: residuals.priors(problem, _changed(problem, at, np.concatenate([np.zeros(n), p])))[0], P)
     np.testing.assert_allclose(analytic, numeric, atol=2e-7 * np.abs(numeric).max())
+
+
+def test_bending_about_an_axis_that_is_tilted() -> None:
+    """A tilt changes how far joints are counted as bent as it was said to, and that of hinges, whose axes are found, not at all."""
+    problem, at = _somewhere()
+    rigid = replace(at, skin_turn=0 * at.skin_turn)
+    here, there = bent(problem, rigid), replace(rigid, tilt=at.tilt + 1e-4)
+    change = bending(here, there, np.arange(SAMPLES)) - here.bent
+    np.testing.assert_allclose(change, bent(problem, there).bent - here.bent, atol=1e-7)
+    assert (np.abs(change) > 1e-5).any(axis=0).tolist() == [k not in problem.chain.hinges for k in range(len(problem.chain.joints))]
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-6, 1e-3, 0.3, 2.0])
@@ -140,7 +164,18 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
     turn, slide = quat.rotate(to_sensor[1:], worn.skin_turn[1:]), quat.rotate(to_sensor[1:], worn.skin_slide[1:])
     q_GS = quat.multiply(truth.q_GS[:, rows], q_BS)
     return Unknowns(
-        q_GS, far, near, np.zeros((4, 3)), np.zeros((4, 3)), *np.zeros((2, 4, 3, 3)), axes[:3], axes[1:], turn, slide, np.zeros(1)
+        q_GS,
+        far,
+        near,
+        np.zeros((4, 3)),
+        np.zeros((4, 3)),
+        *np.zeros((2, 4, 3, 3)),
+        axes[:3],
+        axes[1:],
+        turn,
+        slide,
+        np.zeros(1),
+        np.zeros((3, 2)),
     ), angles
 
 
