@@ -170,7 +170,7 @@ def sentences(names: Sequence[str], looked: Looked) -> list[str]:
     if looked.missing > 0.01:
         said.append(f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them")
     said += [
-        f"{name}: an axis always reads the same, it does not answer; nothing is found with it: leave {name} out of the array's file"
+        f"{name}: an axis always reads the same, it does not answer; its readings are left out"
         for name, frozen in zip(names, looked.frozen)
         if frozen
     ]

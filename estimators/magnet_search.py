@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from estimators import magnet_localisation, magnet_second
 from estimators.magnet_localisation import Located
-from estimators.magnet_second import Second
 from estimators.magnet_setup import Constellation
 from estimators.quaternions import Array
 
@@ -22,6 +21,7 @@ LESS = 0.5  # of the noise that differences tell: so much less that they tell of
 CLOSE, MANY = 0.5, 0.3  # s, share of the readings that close by: what disturbs those draws these
 WIDE, MOST = 5.0, 0.5  # s, share of the readings around: then what agrees does so by chance
 LOOKED, CHANCE = 0.1, 1e-4  # s between readings that are looked at for a second magnet; probability below which noise is none
+UNKNOWNS = 9  # place, moment, field
 WORST = 1.7  # standard deviations a degree of freedom; what is counted for calibration and places is rather too much
 FEW, MANY_REGIONS = 9, 3  # so few magnetometers are explained by several places; with more the octants' best ones lead to the same
 
@@ -39,20 +39,30 @@ class Search:
     def of(self, rows: NDArray[np.intp]) -> "Search":
         return replace(self, t=self.t[rows], mag=self.mag[rows])
 
+    def by(self, chips: NDArray[np.intp]) -> "Search":
+        return replace(self, mag=self.mag[:, chips], array=Constellation(self.array.places[chips], self.array.q_bl[chips]))
+
+    def answering(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Rows with the same magnetometers answering, and which."""
+        kinds, kind = np.unique(np.isfinite(self.mag).all(axis=2), axis=0, return_inverse=True)
+        return [(np.flatnonzero(kind.ravel() == k), np.flatnonzero(there)) for k, there in enumerate(kinds)]
+
     def located(self, size: float | None, size_sd: float) -> Located:
-        """Places that agree with the size of the moment told."""
+        """Places that agree with the size of the moment told, by the magnetometers that answer."""
+        out = _nowhere(len(self.t))
+        for rows, chips in self.answering():
+            if len(chips) < len(self.array) and 3 * len(chips) + (size is not None) <= UNKNOWNS:
+                continue
+            found = self.of(rows).by(chips)._located(size, size_sd)
+            for field in fields(Located):
+                getattr(out, field.name)[rows] = getattr(found, field.name)
+        return out
+
+    def _located(self, size: float | None, size_sd: float) -> Located:
         regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
-        found = magnet_localisation.located(
-            self.mag,
-            self.array,
-            None,
-            size,
-            self.noise,
-            size_sd=size_sd,
-            regions=regions,
-            place_sd=self.place_sd,
-            worst=worst_misfit(len(self.array)),
-        )
+        worst = float(worst_misfit(len(self.array)))
+        told = {"size_sd": size_sd, "place_sd": self.place_sd, "worst": worst}
+        found = magnet_localisation.located(self.mag, self.array, None, size, self.noise, regions=regions, **told)
         return replace(found, found=found.found & ~found.disputed)
 
 
@@ -68,10 +78,9 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
     search = _quieter(search, size, size_sd, least)
     located = search.located(size, size_sd)
-    looked = _looked(search.t)
-    chance = np.full(len(search.t), np.nan)
-    chance[looked] = _second(search, located, looked, size, size_sd).chance
-    too_much, better = located.misfit > worst_misfit(len(search.array)), chance < CHANCE
+    looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
+    too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1))
+    better = chance < CHANCE
     strange, two = _around(search.t, located.misfit, too_much, CLOSE, MANY), _around(search.t, chance, better, CLOSE, MANY)
     seldom = np.full(len(search.t), np.nan)
     seldom[looked] = located.misfit[looked]
@@ -80,18 +89,25 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     return Searched(search, replace(located, found=located.found & ~strange & ~two), strange, two)
 
 
-def worst_misfit(many: int) -> float:
+def worst_misfit(many: int | NDArray[np.intp]) -> Array:
     """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are."""
-    return WORST * float(np.sqrt(max(3 * many - 9, 1) / (3 * many)))
+    axes = np.maximum(3.0 * np.asarray(many), 1.0)
+    return np.asarray(WORST * np.sqrt(np.maximum(axes - UNKNOWNS, 1.0) / axes))
+
+
+def _nowhere(n: int) -> Located:
+    place, moment, field, place_sd, moment_sd = np.full((5, n, 3), np.nan)
+    left, misfit = np.full((2, n), np.nan)
+    return Located(place, moment, field, place_sd, moment_sd, left, misfit, np.zeros(n, bool), np.zeros(n, bool))
 
 
 def _quieter(search: Search, size: float | None, size_sd: float, least: float) -> Search:
     """With the noise that places leave, where the magnet moves so much from one reading to the next that their differences tell of movement."""
-    some = np.flatnonzero(np.isfinite(search.mag).all(axis=(1, 2)))
-    if search.noise * LESS < least or 3 * len(search.array) - 9 < SPARE or not len(some):
+    rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
+    if search.noise * LESS < least or 3 * len(chips) - UNKNOWNS < SPARE:
         return search
-    sample = search.of(some[:: -(-len(some) // SAMPLED)]).located(size, size_sd)
-    left = magnet_localisation.noise_left(sample, len(search.array))
+    sample = search.of(rows[:: -(-len(rows) // SAMPLED)]).by(chips)
+    left = magnet_localisation.noise_left(sample.located(size, size_sd), len(chips))
     return replace(search, noise=max(left, least)) if left < LESS * search.noise else search
 
 
@@ -100,9 +116,15 @@ def _looked(t: Array) -> NDArray[np.intp]:
     return np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + LOOKED, LOOKED)).clip(0, len(t) - 1))
 
 
-def _second(search: Search, located: Located, rows: NDArray[np.intp], size: float | None, size_sd: float) -> Second:
-    part = Located(**{field.name: getattr(located, field.name)[rows] for field in fields(Located)})
-    return magnet_second.second(search.mag[rows], search.array, part, search.noise, search.place_sd, size, size_sd)
+def _chance(search: Search, located: Located, size: float | None, size_sd: float) -> Array:
+    """That one magnet and noise explain readings (n,) so badly against two; NaN where that was not asked."""
+    chance, some = np.full(len(search.t), np.nan), _looked(search.t)
+    for among, chips in search.of(some).answering():
+        rows = some[among]
+        part = Located(**{field.name: getattr(located, field.name)[rows] for field in fields(Located)})
+        alike = search.of(rows).by(chips)
+        chance[rows] = magnet_second.second(alike.mag, alike.array, part, search.noise, search.place_sd, size, size_sd).chance
+    return chance
 
 
 def _around(t: Array, known: Array, strange: NDArray[np.bool_], near: float, share: float) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.commands.words import say
 from estimators import magnet_array, magnet_search, magnet_setup
+from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.magnet_array import Turned
 from estimators.magnet_localisation import Located
@@ -69,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = magnet_array.turned(_read(arguments.turned, array).mag, array.names, array.earth)
         _require_unit(found.read, array.unit, arguments.turned.name)
         mag, q_bl, left, gains = found.corrected(mag), found.q_bl, float(np.sqrt((found.left**2).mean())), found.gains
+        q_bl = q_bl if array.q_bl is None else quat.multiply(array.q_bl[0], q_bl)
         told += _calibrated(array, found)
     else:
         left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
@@ -82,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     noise = float(np.hypot(np.median(looked.noise * gains), left))
     search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
     answer = magnet_search.searched(search, array.moment, size_sd, left)
-    located = _gain_counted(answer.located, size_sd) if array.moment is None else answer.located
+    located = _gain_counted(answer.located, size_sd)
     doubted = _moment_doubted(answer.search, array.moment, located)
     if doubted:  # what agrees with what is told by chance is no place
         located = replace(located, found=np.zeros_like(located.found))

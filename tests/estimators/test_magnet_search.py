@@ -45,3 +45,16 @@ def test_movement_from_one_reading_to_the_next_is_no_noise() -> None:
     assert found.located.found.mean() > 0.9
     square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
     assert 0.5 < square.mean() < 1.5
+
+
+def test_magnetometers_that_answer_do_without_those_that_do_not() -> None:
+    """The nearest one at its limit, another one silent for a while."""
+    t, mag, p = _recorded(40, 10.0, second=False)
+    mag[np.arange(40), np.linalg.norm(p[:, None] - PLACES, axis=2).argmin(axis=1)] = np.nan
+    mag[10:20, 3] = np.nan
+    found = _searched(t, mag, NOISE).located
+    assert found.found.mean() > 0.9
+    assert np.median(np.linalg.norm(found.place - p, axis=1)) < 0.002
+    mag[20:, 3:] = np.nan
+    found = _searched(t, mag, NOISE).located
+    assert not found.found[20:].any() and np.isnan(found.place[20:]).all()

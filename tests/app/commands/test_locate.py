@@ -74,10 +74,23 @@ def test_a_magnet_is_found_whatever_the_chips_axes(bench: tuple[Path, Path, Arra
     assert "m3: an axis points the other way than on most" in said and "magnet found in" in said
 
 
+def test_how_the_first_chip_is_turned_may_be_told(bench: tuple[Path, Path, Array, Array]) -> None:
+    """The second one of the board as the first of the array's file: its axes are the board's turned by a quarter."""
+    folder, board, B, p = bench
+    told = json.loads(board.read_text())
+    quarter = [float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5))]  # from its axes to the board's
+    told["magnetometers"] = {name: {**told["magnetometers"][name], "q_bl": quarter} for name in ("m1", "m0", "m2", "m3", "m4")}
+    board.write_text(json.dumps(told))
+    _table(folder / "magnet.csv", B[:40], np.random.default_rng(2))
+    out = _located(folder, board)
+    assert out["found"].mean() > 0.9
+    assert np.median(np.linalg.norm(np.column_stack([out[a] for a in "xyz"]) - p[:40], axis=1)) < 0.002
+
+
 def test_a_first_chip_that_is_the_odd_one_and_one_that_does_not_answer_are_named(
     bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, board, B, _ = bench
+    folder, board, B, p = bench
     told = json.loads(board.read_text())
     told["magnetometers"] = {name: told["magnetometers"][name] for name in ("m3", "m0", "m1", "m2", "m4")}
     board.write_text(json.dumps(told))
@@ -86,8 +99,10 @@ def test_a_first_chip_that_is_the_odd_one_and_one_that_does_not_answer_are_named
     assert "m3: an axis points the other way than on most" in capsys.readouterr().out
     rows = (folder / "magnet.csv").read_text().splitlines()
     (folder / "magnet.csv").write_text("\n".join([rows[0], *(",".join([*row.split(",")[:-1], "0.25"]) for row in rows[1:])]))
-    assert _located(folder, board)["found"].max() < 0.5
-    assert "m4: an axis always reads the same" in capsys.readouterr().out
+    out = _located(folder, _board(board))
+    assert "m4: an axis always reads the same, it does not answer; its readings are left out" in capsys.readouterr().out
+    assert out["found"].mean() > 0.5
+    np.testing.assert_allclose(np.column_stack([out[a] for a in "xyz"])[out["found"] > 0.5], p[:40][out["found"] > 0.5], atol=0.01)
 
 
 def test_what_disturbs_is_named_and_no_wrong_place_is_told(
