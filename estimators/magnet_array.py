@@ -17,9 +17,8 @@ from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.force.contact import runs
 from estimators.force.interpolation import noise_of
-from estimators.hinge_axes import common_rotation
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
-from estimators.magnetometer_sphere import Sphere, fitted
+from estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
 from estimators.quaternions import Array
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
@@ -29,8 +28,6 @@ MAINS = (50.0, 60.0)  # Hz
 STANDS_OUT = 5.0  # times the spectrum beside it
 FEWEST_READ = 20  # readings: an axis that gives so many equal ones while others change does not answer
 STUCK = 3  # equal largest readings in a row are a limit
-MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
-APART = 0.1  # of the field: more left of a magnetometer against the first is no common board
 
 
 @dataclass(frozen=True)
@@ -115,29 +112,18 @@ def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
     """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
     spheres = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
     own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
-    strength = float(np.mean([s.strength for s in spheres]))
     if earth is None:  # the first one's strength is everybody's: they saw the same field
         spheres = tuple(fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names))
-        own, strength = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1), spheres[0].strength
+        own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
     good = np.isfinite(own).all(axis=(1, 2))
     if good.sum() < 50:
         raise InputError("The magnetometers hardly ever answered together while the board was turned: check their clocks and cables.")
-    q_bl, mirrored = np.tile(quat.IDENTITY, (len(names), 1)), np.zeros(len(names), bool)
-    for k in range(1, len(names)):
-        as_is, flipped = (common_rotation(own[good, 0], sign * own[good, k]) for sign in (1.0, -1.0))
-        mirrored[k] = flipped.residual < MIRRORED * as_is.residual
-        found = flipped if mirrored[k] else as_is
-        if found.residual > APART:
-            raise InputError(
-                f"{names[k]} and {names[0]} did not see the same field turn: {100 * found.residual:.0f} % are left. Are they on one rigid board, and "
-                "are their times the same?"
-            )
-        q_bl[k] = found.q_ab
-    if mirrored.mean() > 0.5:  # the first one is the odd one
-        mirrored = ~mirrored
-    common = quat.rotate(q_bl, np.where(mirrored[:, None], -1.0, 1.0) * own)[good]
-    off = common - common.mean(axis=1, keepdims=True)
-    return Turned(spheres, mirrored, q_bl, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)) if strength else off)
+    common = common_axes(own)
+    for said in not_on_the_plate(names, common).values():
+        raise InputError(said)
+    alike = quat.rotate(common.q_1l, common.signs[:, None] * own)[good]
+    off = alike - alike.mean(axis=1, keepdims=True)
+    return Turned(spheres, common.mirrored, common.q_1l, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)))
 
 
 def looked(t: Array, mag: Array, limit: float | None) -> Looked:

@@ -14,7 +14,7 @@ import numpy as np
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.imu_calibration import ImuCalibration
-from estimators.magnetometer_sphere import Sphere, common_axes, fitted
+from estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
 from estimators.quaternions import Array
 from estimators.samples import MAG
 from estimators.six_positions import Solved
@@ -47,13 +47,17 @@ def calibrated(names: Sequence[str], mag: Array, q_BS: Array) -> Calibrated:
     nominal = q_BS[rows]
     share = {name: strength / s.strength for name, s in spheres.items()}
     own = np.stack([share[name] * s.corrected(mag[:, k]) for k, (name, s) in zip(rows, spheres.items())], axis=1)
-    turns = common_axes(quat.rotate(nominal, own))[0]
-    apart = quat.matrix(quat.multiply(quat.conjugate(nominal), quat.multiply(turns, nominal)))
-    return Calibrated({name: _solved(s, share[name], R) for (name, s), R in zip(spheres.items(), apart)}, refused, strength)
+    common = common_axes(quat.rotate(nominal, own))
+    apart = not_on_the_plate(tuple(spheres), common)
+    R = quat.matrix(quat.multiply(quat.conjugate(nominal), quat.multiply(common.q_1l, nominal)))
+    solved = {
+        name: _solved(s, share[name], sign * turn) for (name, s), sign, turn in zip(spheres.items(), common.signs, R) if name not in apart
+    }
+    return Calibrated(solved, [*refused, *apart.values()], strength)
 
 
 def _solved(s: Sphere, share: float, turn: Array) -> Solved:
-    """With the matrix (3, 3) of the sphere turned, so that all magnetometers of the plate agree."""
+    """With the matrix (3, 3) of the sphere turned, and mirrored where the magnetometer is, so that all of the plate agree."""
     calibration = ImuCalibration({MAG: share * turn @ s.matrix}, {MAG: s.bias})
     return Solved(
         calibration,

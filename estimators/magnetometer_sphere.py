@@ -8,11 +8,14 @@ Limits  strength alone cannot see a turn of the whole magnetometer: the matrix i
         first, six_positions.py the turn against the accelerometer. The field's strength is not known from readings: theirs is kept, or told
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hinge_axes import common_rotation
 from estimators.imu_calibration import ImuCalibration
@@ -23,6 +26,8 @@ FEWEST = 50  # readings
 MOST = 4000  # readings that are fitted: more are thinned out evenly
 SEEN = 0.05  # largest standard deviation of an entry of the matrix and of the bias as a share of the field that counts as observed
 HOMOGENEOUS = 0.05  # of the field: more left on the sphere is no homogeneous field, or no magnetometer in order
+MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
+APART = 0.1  # of the field: more left of a magnetometer against the first is no common plate
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a symmetric matrix
 
 
@@ -46,6 +51,20 @@ class Sphere:
     def corrected(self, mag: Array) -> Array:
         """Readings (..., 3) in T without hard and soft iron."""
         return np.asarray((mag - self.bias) @ self.matrix)  # the matrix is symmetric
+
+
+@dataclass(frozen=True)
+class Common:
+    """How the axes of magnetometers on one plate are turned against the first one's."""
+
+    q_1l: Array  # (magnetometers, 4) into the first one's axes, of readings that are turned round where mirrored
+    mirrored: NDArray[np.bool_]  # (magnetometers,) left-handed, or the others are: an axis points the other way than on most
+    left: Array  # (magnetometers,) share of the field that does not agree with the first
+
+    @property
+    def signs(self) -> Array:
+        """By which readings are multiplied (magnetometers,)."""
+        return np.where(self.mirrored, -1.0, 1.0)
 
 
 def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = None) -> Sphere:
@@ -90,14 +109,25 @@ def fitted(mag: Array, name: str = "the magnetometer", strength: float | None = 
     )
 
 
-def common_axes(mag: Array) -> tuple[Array, Array]:
-    """Turns (magnetometers, 4) of the axes of corrected readings (n, magnetometers, 3) into the first one's, and what is left of each, share of the field.
+def common_axes(mag: Array) -> Common:
+    """Of corrected readings (n, magnetometers, 3): all are on one rigid plate that is turned in a homogeneous field, no magnet near."""
+    good, many = np.isfinite(mag).all(axis=(-1, -2)), mag.shape[1]
+    q_1l, mirrored, left = np.tile(quat.IDENTITY, (many, 1)), np.zeros(many, bool), np.zeros(many)
+    for k in range(1, many):
+        as_is, flipped = (common_rotation(mag[good, 0], sign * mag[good, k]) for sign in (1.0, -1.0))
+        mirrored[k] = flipped.residual < MIRRORED * as_is.residual
+        found = flipped if mirrored[k] else as_is
+        q_1l[k], left[k] = found.q_ab, found.residual
+    return Common(q_1l, ~mirrored if mirrored.mean() > 0.5 else mirrored, left)  # the first may be the odd one
 
-    All are on one rigid plate that is turned in a homogeneous field, no magnet near.
-    """
-    good = np.isfinite(mag).all(axis=(-1, -2))
-    turns = [common_rotation(mag[good, 0], mag[good, k]) for k in range(mag.shape[1])]
-    return np.array([turn.q_ab for turn in turns]), np.array([turn.residual for turn in turns])
+
+def not_on_the_plate(names: Sequence[str], common: Common) -> dict[str, str]:
+    """Magnetometers that did not see the first one's field turn, with a sentence for each."""
+    return {
+        name: f"{name} and {names[0]} did not see the same field turn: {100 * left:.0f} % are left. Are they on one rigid board, and are their times the same?"
+        for name, left in zip(names, common.left)
+        if left > APART
+    }
 
 
 def dip(mag: Array, acc: Array) -> float:

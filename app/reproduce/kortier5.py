@@ -70,7 +70,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     raw = magnet.magnetic(worn, turning, room, rng, magnet=False)
     spheres = [magnetometer_sphere.fitted(raw[:, k], strength=EARTH) for k in range(count)]
     calibrated = _corrected(spheres, raw)
-    q_bl, _ = magnetometer_sphere.common_axes(calibrated)
+    q_bl = magnetometer_sphere.common_axes(calibrated).q_1l
     dip = magnetometer_sphere.dip(calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:])
     m = magnet.condition(trial.movement, rng, spot=SPOT)
     told = quat.multiply(m.q_bt[0], quat.exp(START / np.sqrt(3) * rng.normal(size=3)))

@@ -88,7 +88,7 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     raw = magnet.magnetic(worn, turning, room, rng, magnet=False)
     spheres = [magnetometer_sphere.fitted(raw[:, k], strength=EARTH) for k in range(raw.shape[1])]
     calibrated = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
-    q_bl, _ = magnetometer_sphere.common_axes(calibrated)
+    q_bl = magnetometer_sphere.common_axes(calibrated).q_1l
     dip = magnetometer_sphere.dip(calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:])
     m = magnet.condition(movement, rng, spot=spot)
     told = quat.multiply(m.q_bt[0], quat.exp(kortier5.START / np.sqrt(3) * rng.normal(size=3)))

@@ -31,7 +31,7 @@ def _worn(seed: int) -> tuple[sim.Worn, tuple[magnetometer_sphere.Sphere, ...], 
     raw, acc = sim.magnetic(w, m, room, rng, magnet=False), sim.inertial(w, m, rng)[:, 0, 3:]
     fits = tuple(magnetometer_sphere.fitted(raw[:, k], strength=EARTH) for k in range(len(w.places)))
     mag = _corrected(fits, raw)
-    return w, fits, magnetometer_sphere.common_axes(mag)[0], magnetometer_sphere.dip(mag[:, 0], acc)
+    return w, fits, magnetometer_sphere.common_axes(mag).q_1l, magnetometer_sphere.dip(mag[:, 0], acc)
 
 
 def _corrected(fits: tuple[magnetometer_sphere.Sphere, ...], raw: Array) -> Array:

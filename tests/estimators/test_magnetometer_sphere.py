@@ -66,19 +66,26 @@ def test_a_plate_shares_its_axes() -> None:
     rng = np.random.default_rng(2)
     field, q_1l = _turned(500, rng), quat.exp(np.array([[0, 0, 0], [0.1, -0.2, 0.4], [0, 1.5, 0]]))
     mag = quat.rotate(quat.conjugate(q_1l), field[:, None]) + NOISE * rng.normal(size=(500, 3, 3))
-    turns, left = sphere.common_axes(mag)
-    assert np.degrees(quat.angle(quat.relative(q_1l, turns))).max() < 0.05
-    assert left.max() < 0.02
+    mag[:, 2] = mag[:, 2, [1, 0, 2]]  # as a chip does whose x and y are exchanged
+    found = sphere.common_axes(mag)
+    np.testing.assert_array_equal(found.mirrored, [False, False, True])
+    seen = quat.rotate(found.q_1l, found.signs[:, None] * mag)
+    assert np.degrees(quat.angle(quat.relative(q_1l[:2], found.q_1l[:2]))).max() < 0.05
+    assert np.abs(seen - seen[:, :1]).max() < 8 * NOISE and found.left.max() < 0.02
+    assert not sphere.not_on_the_plate("abc", found)
+    mag[:, 1] = np.roll(mag[:, 1], 40, axis=0)
+    assert list(sphere.not_on_the_plate("abc", sphere.common_axes(mag))) == ["b"]
 
 
 def test_magnetometers_of_a_plate_agree_once_it_was_turned_and_one_that_is_silent_is_named() -> None:
-    """Iron of 20 uT and 5 %, turned by a degree, the third mounted the other way round; the fifth reads nothing."""
+    """Iron of 20 uT and 5 %, turned by a degree, the second left-handed, the third mounted the other way round; the fifth reads nothing."""
     rng = np.random.default_rng(8)
     worn, room = magnet.worn(rng), homogeneous()
     nominal = np.tile(quat.IDENTITY, (5, 1))
     nominal[2] = quat.about(2, np.pi)
     turning = magnet.turned_about(rng)
     mag = magnet.magnetic(replace(worn, q_bl=quat.multiply(worn.q_bl, nominal[:4])), turning, room, rng, magnet=False)
+    mag[:, 1] = mag[:, 1, [1, 0, 2]]
     names = ("a", "b", "c", "d", "e")
     silent = np.full_like(mag[:, :1], np.nan)
     told = plate.calibrated(names, np.concatenate([mag, silent], axis=1), nominal)
