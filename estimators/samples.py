@@ -40,6 +40,9 @@ class Stream:
     scale_sd: Mapping[str, float] = field(
         default_factory=dict
     )  # by force sensor that was calibrated, share by which its forces may be wrong
+    turn_sd: Mapping[str, float] = field(
+        default_factory=dict
+    )  # by force sensor, rad by which it may be turned against its cuff's inertial sensor, where known
 
     @property
     def inertial(self) -> bool:

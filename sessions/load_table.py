@@ -2,6 +2,7 @@
 
 In      text with a header; comma, semicolon or tab between columns; lines that begin with # or % are passed over, and so are columns without a unit (notes).
         Loads are told as weights: `mass [g]` with the direction of gravity in the sensor's frame, `down` (+x, -x, +y, ... or none) or `down_x`, `down_y`, `down_z`,
+        or `acc_x [m/s^2]`, `acc_y`, `acc_z`, what the accelerometer on the same cuff reads meanwhile: then the loads are in that sensor's frame;
         and where they hang, `at_x [mm]`, `at_y`, `at_z`; or as what a fingertip would exert, `force_x [N]`, `force_y`, `force_z`, and `torque_x [N*mm]`, ...
         Every other column with a unit is a channel of the sensor
 Out     LoadTable in SI; docs/calibration.md. A weight pulls the sensor down: a fingertip that does what the sensor then feels exerts the opposite
@@ -16,6 +17,7 @@ import numpy as np
 
 from estimators.errors import InputError
 from estimators.force.setup import Channel
+from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
 from sessions.array_cells import MISSING, lines_of
 from sessions.motion_bids.reader import TORQUES
@@ -23,6 +25,7 @@ from sessions.motion_bids.reader import TORQUES
 HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]+)\]$")
 UNITS = {
     "mass": {"kg": 1.0, "g": 1e-3},
+    "acc": {"m/s^2": 1.0, "m/s²": 1.0, "g": GRAVITY},
     "at": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "force": {"N": 1.0, "mN": 1e-3},
     "torque": TORQUES,
@@ -38,6 +41,7 @@ class LoadTable:
     raw: Array  # (n, channels) in the channels' units
     loads: Array  # (n, 3) N, or (n, 6) N and Nm, as a fingertip would exert them
     lines: tuple[int, ...]  # of the file, where each load stands
+    by_accelerometer: bool  # the loads are in the frame of the inertial sensor on the same cuff, as that told their directions
 
 
 def load_table(path: Path, gravity: float) -> LoadTable:
@@ -54,7 +58,7 @@ def load_table(path: Path, gravity: float) -> LoadTable:
     loads = _of_weights(columns, gravity) if "mass" in columns.names or "down" in columns.names else _of_forces(columns)
     channels = columns.channels()
     raw = np.stack([columns.numbers(c.name) for c in channels], axis=1)
-    return LoadTable(channels, raw, loads, tuple(number for number, _ in found[1:]))
+    return LoadTable(channels, raw, loads, tuple(number for number, _ in found[1:]), "acc_x" in columns.names)
 
 
 class _Columns:
@@ -106,7 +110,7 @@ class _Columns:
         return known[self.units[name]]
 
 
-_LOADS = {"mass", "down", *(f"{kind}_{axis}" for kind in ("down", "at", "force", "torque") for axis in "xyz")}
+_LOADS = {"mass", "down", *(f"{kind}_{axis}" for kind in ("down", "acc", "at", "force", "torque") for axis in "xyz")}
 
 
 def _of_weights(columns: _Columns, gravity: float) -> Array:
@@ -126,6 +130,11 @@ def _of_weights(columns: _Columns, gravity: float) -> Array:
 
 def _down(columns: _Columns) -> Array:
     """Direction of gravity in the sensor's frame (n, 3), unit; NaN where none is told."""
+    acc = columns.three("acc")
+    if acc is not None:
+        if {"down", "down_x", "down_y", "down_z"} & set(columns.names):
+            raise InputError(f"{columns.file} tells where down was twice, by acc_x and by down; leave one of them out")
+        return np.asarray(-acc / np.linalg.norm(acc, axis=1, keepdims=True))
     if "down" in columns.names:
         return np.array([_direction(f"{columns.file}, line {number}", word) for number, word in columns.words("down")])
     if "down_x" not in columns.names:

@@ -39,7 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     for line in _told(table, solved):
         say(line)
     if arguments.out:
-        entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration)) | _known(table, solved)
+        turn = solved.turn_sd if table.by_accelerometer else None
+        entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)) | _known(table, solved)
         setups = {**before.get(SETUP, {}), f"{arguments.finger}_tip_force": entry}
         save_file((json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), arguments.out)
         say(f"{SETUP} of {arguments.finger}_tip_force: {arguments.out}")
@@ -71,6 +72,8 @@ def _told(table: LoadTable, s: Solved) -> list[str]:
     if s.one_way:
         lines.append(f"loaded one way alone: {', '.join(s.one_way)}; the other way is taken to be alike")
     lines.append(f"a force is known to {100 * s.calibration.scale_sd:.2g} % of itself")
+    if table.by_accelerometer:
+        lines.append(f"its axes are those of the inertial sensor on the cuff, to {np.degrees(s.turn_sd):.2g} deg")
     if s.calibration.scale_sd > USUAL:
         lines.append(f"warning: without a calibration {100 * USUAL:g} % would have been taken; average more readings, or hang more weight")
     return lines

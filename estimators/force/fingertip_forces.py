@@ -71,10 +71,10 @@ def attached(
     read = [_read(params, s.block, moved.t) for s in sensors]
     force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
     scale = _scales(params, sensors)
-    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())))
+    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors))
     q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
     found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
-    unknown = (params.tip_sd**2 + params.cuff_sd**2) * DEG**2
+    unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
     turn, inertial, covariance = *np.zeros((2, *force.shape[:2], 3)), np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1))
     known = np.asarray(np.isfinite(q_GF).all(axis=2))
     for grasp, following in zip(found, [*found[1:], None]):
@@ -209,13 +209,19 @@ def _torque_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
 def _alone(block: Block, k: int) -> Block:
     """The block with its k-th sensor alone."""
     point = block.stream.sensors[k]
-    known = {point: block.stream.scale_sd[point]} if point in block.stream.scale_sd else {}
-    return replace(block, stream=replace(block.stream, sensors=(point,), scale_sd=known), values=block.values[:, k : k + 1])
+    scale, turn = ({point: told[point]} if point in told else {} for told in (block.stream.scale_sd, block.stream.turn_sd))
+    return replace(block, stream=replace(block.stream, sensors=(point,), scale_sd=scale, turn_sd=turn), values=block.values[:, k : k + 1])
 
 
 def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
     """Share (S,) by which the forces of each sensor may be wrong alike: its calibration's, or what is usual."""
     return np.array([next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors])
+
+
+def _cuff_sd(params: ForceParams, sensors: Sequence[Sensor]) -> float:
+    """Turn, deg, of the force sensors against the inertial sensors on their cuffs: of those whose calibration tells it and the others together."""
+    each = [np.degrees(next(iter(s.block.stream.turn_sd.values()), params.cuff_sd * DEG)) for s in sensors]
+    return float(np.sqrt(np.mean(np.square(each))))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,9 @@ class SolveParams:
         1e-3, "1", "chance of luck below which a load that does not fit the others is left out", "ours", least=0.0, most=0.1
     )
     worst: float = option(0.1, "1", "share by which forces may be wrong, beyond which the calibration is refused", "ours", least=0.01)
+    level: float = option(
+        0.3, "deg", "error of the directions that an accelerometer tells", "ours: a bias of 0.05 m/s^2", least=0.0, most=10.0
+    )
     gravity: float = option(GRAVITY, "m/s^2", "of the place where the weights hung", "standard gravity", least=9.7, most=9.9)
 
 
@@ -66,6 +69,7 @@ class Solved:
     left_out: tuple[int, ...]  # rows of loads that do not belong to the others
     one_way: tuple[str, ...]  # axes that were loaded one way alone
     heaviest: float  # N
+    turn_sd: float  # rad about each axis, by which the frame of the loads may be missed where an accelerometer told their directions
 
 
 def solve(params: SolveParams, raw: Array, loads: Array) -> Solved:
@@ -97,14 +101,17 @@ def solve(params: SolveParams, raw: Array, loads: Array) -> Solved:
     matrix_sd = np.sqrt(np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix)))  # dM = -M dC' M
     offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
     left = np.asarray(np.sqrt(np.diag(left_over)))
-    scale = _scale_sd(params, loads, left, unknown[:m, :m])
+    missed_share = _missed(loads, left, unknown[:m, :m])
+    scale = float(np.hypot(missed_share, params.load_error))
+    turn = float(np.hypot(params.level * np.pi / 180, missed_share / np.sqrt(6.0)))  # of nine entries alike, the halves that turn
     if scale > params.worst:
         raise InputError(
             f"the readings do not follow the loads: forces would be wrong by {100 * scale:.0f} %; check the units, the directions and that the sensor is connected as the table says"
         )
     one_way = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
-    return Solved(ForceCalibration(matrix, offset, scale), matrix_sd, offset_sd, left, len(raw), tuple(sorted(left_out)), one_way, heaviest)
+    calibration = ForceCalibration(matrix, offset, scale)
+    return Solved(calibration, matrix_sd, offset_sd, left, len(raw), tuple(sorted(left_out)), one_way, heaviest, turn)
 
 
 def stuck(values: Array) -> NDArray[np.bool_]:
@@ -170,9 +177,9 @@ def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     return np.asarray(order[luck[order] < chance])
 
 
-def _scale_sd(params: SolveParams, loads: Array, left: Array, unknown: Array) -> float:
-    """Share by which a force may be wrong: the fit's at such loads, what it leaves of the forces, and the loads' own."""
+def _missed(loads: Array, left: Array, unknown: Array) -> float:
+    """Share by which a force may be wrong where the loads are right: the fit's at such loads, and what it leaves of the forces."""
     size = float(np.sqrt((loads[:, :3] ** 2).sum(axis=1).mean()))
     noise = float(np.sqrt((left[:3] ** 2).sum()))
     of_fit = float(np.sqrt(np.einsum("ni,ij,nj->n", loads, unknown, loads).mean()))
-    return float(np.linalg.norm([noise * of_fit / size, noise / size, params.load_error]))
+    return float(np.hypot(noise * of_fit / size, noise / size))

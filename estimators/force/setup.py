@@ -29,6 +29,9 @@ class ForceSetup:
     scale_sd: float  # share by which a force may be wrong in all samples alike
     channels: tuple[Channel, ...] = ()  # none: the readings are forces already
     calibration: ForceCalibration | None = None  # of these channels
+    turn_sd: float | None = (
+        None  # rad about each axis, of the forces against the fingertip's inertial sensor, in whose axes they are; None: as the mountings say
+    )
 
     @property
     def axes(self) -> int:
@@ -43,11 +46,12 @@ def setups_from(table: Mapping[str, Any]) -> dict[str, ForceSetup]:
 
 def table_of(setup: ForceSetup) -> dict[str, Any]:
     """The inverse, of one point."""
+    known = {"scale_sd": setup.scale_sd} | ({} if setup.turn_sd is None else {"turn_sd": setup.turn_sd})
     if setup.calibration is None:
-        return {"scale_sd": setup.scale_sd}
+        return known
     told: dict[str, Any] = {"channels": [{"name": c.name, "units": c.units} for c in setup.channels]}
     told |= {"matrix": setup.calibration.matrix.tolist(), "offset": setup.calibration.offset.tolist()}
-    return {**told, "scale_sd": setup.scale_sd}
+    return told | known
 
 
 def _setup_from(point: str, told: Any) -> ForceSetup:
@@ -58,13 +62,16 @@ def _setup_from(point: str, told: Any) -> ForceSetup:
     scale = _numbers(point, "scale_sd", told.get("scale_sd"), ())
     if not 0 <= scale < 1:
         raise InputError(f"ForceSetup of {point}: scale_sd is {scale:g}; it is a share between 0 and 1")
+    turn = float(_numbers(point, "turn_sd", told["turn_sd"], ())) if told.get("turn_sd") is not None else None
+    if turn is not None and not 0 <= turn < 1:
+        raise InputError(f"ForceSetup of {point}: turn_sd is {turn:g}; it is an angle between 0 and 1 rad")
     if "matrix" not in told:
-        return ForceSetup(float(scale))
+        return ForceSetup(float(scale), turn_sd=turn)
     channels = _channels(point, told.get("channels"))
     offset = _numbers(point, "offset", told.get("offset"), (len(channels),))
     rows = 6 if isinstance(told["matrix"], Sequence) and len(told["matrix"]) == 6 else 3
     matrix = _numbers(point, "matrix", told["matrix"], (rows, len(channels)))
-    return ForceSetup(float(scale), channels, ForceCalibration(matrix, offset, float(scale)))
+    return ForceSetup(float(scale), channels, ForceCalibration(matrix, offset, float(scale)), turn)
 
 
 def _channels(point: str, told: Any) -> tuple[Channel, ...]:

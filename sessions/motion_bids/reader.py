@@ -71,7 +71,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     recording = LoadedRecording(
         said,
         sized(said, measures_from(_merged(systems, "HandGeometry"))),
-        _mounting(_merged(systems, "SensorMounting")),
+        raw_forces.seated(_mounting(_merged(systems, "SensorMounting")), setups),
         samples,
         events_of(files, inside),
         tuple(warnings),
@@ -175,7 +175,8 @@ def _block(
         first, loads = 3 * quantities.index(FORCE), raw_forces.loads_of(setups[point], table[:, columns])
         values[:, points.index(point), first : first + loads.shape[1]] = loads
     known = {p: setups[p].scale_sd for p in points if p in setups}
-    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name, scale_sd=known), t, values)
+    turned = {p: sd for p in known if (sd := setups[p].turn_sd) is not None}
+    return Block(Stream(system.name, tuple(points), tuple(quantities), rate, system.name, scale_sd=known, turn_sd=turned), t, values)
 
 
 def _columns(system: System, warnings: list[str], raw: Mapping[str, list[int]]) -> dict[tuple[str, str, int], tuple[int, float]]:

@@ -121,5 +121,9 @@ def _sidecar(recording: LoadedRecording, name: str, block: Block, task: str) -> 
         "HandGeometry": table_of(recording.geometry),
         "SensorMounting": {point: [float(x) for x in recording.mounting[point]] for point in s.sensors if point in recording.mounting},
         **({"MagnetSetup": table_of_plate(recording.plate)} if recording.plate and MAG in s.quantities else {}),
-        **({"ForceSetup": {point: table_of_force(ForceSetup(sd)) for point, sd in s.scale_sd.items()}} if s.scale_sd else {}),
+        **(
+            {"ForceSetup": {p: table_of_force(ForceSetup(sd, turn_sd=s.turn_sd.get(p))) for p, sd in s.scale_sd.items()}}
+            if s.scale_sd
+            else {}
+        ),
     }

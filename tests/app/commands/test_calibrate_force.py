@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from estimators import quaternions as quat
 from estimators.force import fingertip_forces
 from estimators.samples import FORCE
 from sessions import motion_bids
@@ -102,6 +103,30 @@ def test_weights_at_known_places_tell_torques_too_and_a_row_that_is_wrong_is_nam
     assert "line 6 was left out" in capsys.readouterr().out
 
 
+def test_directions_told_by_the_accelerometer_on_the_cuff_put_the_forces_into_its_axes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng, q_IF = np.random.default_rng(4), quat.exp(np.radians([2.0, -1.0, 1.5]))  # how the cuff holds its force sensor askew
+    lines = ["f1 [V],f2 [V],f3 [V],mass [g],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]"]
+    for grams, way in [(0, DOWN["+z"]), *((g, w) for g in (200, 500) for w in DOWN.values())]:
+        acc = -9.81 * quat.rotate(quat.exp(np.radians(rng.uniform(-5, 5, 3))), np.array(way, float))  # not just so
+        exerted = 1e-3 * grams * acc
+        read = GAINS @ quat.rotate(quat.conjugate(q_IF), exerted) + OFFSET + 2e-3 * rng.normal(size=3)
+        lines.append(",".join(f"{v:.5f}" for v in [*read, grams, *(acc + 0.03 * rng.normal(size=3))]))
+    assert run(tmp_path, "\n".join(lines)) == 0
+    assert "its axes are those of the inertial sensor on the cuff, to 0." in capsys.readouterr().out
+    setup = json.loads((tmp_path / "setup.json").read_text())["ForceSetup"]
+    loaded = motion_bids.load(folder(raw_dataset(setup), tmp_path / "raw"))
+    force = loaded.samples["force"]
+    np.testing.assert_allclose(force.of(FORCE)[:, 0], quat.rotate(q_IF, TRUE), atol=0.06)
+    assert 0.003 < force.stream.turn_sd["thumb_tip_force"] < 0.02
+    np.testing.assert_allclose(loaded.mounting["thumb_tip_force"], loaded.mounting.get("thumb_distal", quat.IDENTITY))
+    motion_bids.write(loaded, tmp_path / "again")
+    assert motion_bids.load(tmp_path / "again").samples["force"].stream.turn_sd == force.stream.turn_sd
+    assert run(tmp_path, "\n".join([f"{lines[0]},down", *(f"{line},+x" for line in lines[1:])])) == 2
+    assert "tells where down was twice" in capsys.readouterr().err
+
+
 def _swapped(old: str, new: str) -> Callable[[str], str]:
     return lambda text: text.replace(old, new)
 
@@ -148,6 +173,7 @@ def test_what_is_wrong_with_a_table_is_one_sentence(
         (lambda setup: with_sidecar(dataset(), "force", ForceSetup={"thumb_tip_force": 3}), "ForceSetup of thumb_tip_force is no object"),
         (lambda setup: _broken(setup, scale_sd=-1), "scale_sd is -1"),
         (lambda setup: _broken(setup, scale_sd="much"), "scale_sd is not one finite number"),
+        (lambda setup: _broken(setup, turn_sd=20), "turn_sd is 20; it is an angle"),
         (lambda setup: _broken(setup, matrix=[[1, 0], [0, 1]]), "matrix is not 3 by 3 finite numbers"),
         (lambda setup: _broken(setup, offset=None), "offset is not 3 finite numbers"),
         (lambda setup: _broken(setup, channels=["f1"]), "channels are objects with name and units"),
