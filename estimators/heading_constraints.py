@@ -75,7 +75,7 @@ def step(
     params: HeadingParams, state: State, t: Array, q_GB: Array, doubt: Array, usable: NDArray[np.bool_]
 ) -> tuple[State, Array, NDArray[np.bool_]]:
     """Corrected orientations (n, segments, 4) of orientations q_GB (n, segments, 4) and cumulative heading variances (n, segments) in rad^2,
-    and which of their headings are lost (n, segments); joints are looked at where both segments are `usable` (n, segments)."""
+    and which of their headings are lost (n, segments), none where there is no orientation; joints are looked at where both segments are `usable` (n, segments)."""
     looks = _looks(state.t, t)
     states = [state]
     for row in looks:
@@ -83,7 +83,7 @@ def step(
     newest = np.searchsorted(looks, np.arange(len(t)), side="right")  # the look that counts in each row
     deltas = np.array([s.delta for s in states])
     corrected = quat.headed(q_GB, _by_segment(deltas)[newest]) if deltas.any() else q_GB
-    return states[-1], corrected, _lost(params, states, newest, doubt)
+    return states[-1], corrected, _lost(params, states, newest, doubt) & np.isfinite(q_GB).all(axis=-1)
 
 
 def _lost(params: HeadingParams, states: list[State], newest: NDArray[np.int_], doubt: Array) -> NDArray[np.bool_]:

@@ -81,6 +81,14 @@ def test_a_segment_that_is_not_measured_changes_nothing_and_says_nothing() -> No
     assert not lost.any()
 
 
+def test_a_gap_of_the_hand_costs_no_heading_where_nothing_is_worn() -> None:
+    t, q_GB = _moving()
+    worn = [SEGMENT[s] for s in ("hand", "index_proximal", "index_middle")]
+    q_GB[:, np.setdiff1d(np.arange(len(SEGMENTS)), worn)] = np.nan
+    _, lost = _stepped(t, q_GB, ["hand"])
+    assert {SEGMENTS[s] for s in np.flatnonzero(lost.any(axis=0))} == {"index_proximal", "index_middle"}
+
+
 def test_slopes_are_the_derivatives_of_the_angles_by_the_heading() -> None:
     rng = np.random.default_rng(5)
     q_GP = quat.exp(rng.normal(size=(len(JOINTS), 3)))
