@@ -4,6 +4,7 @@ Runs in a process of its own (app/jobs.py), so that a long computation never hol
 """
 
 import io
+import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import lru_cache
@@ -11,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sqlalchemy import update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, object_session
 from sqlalchemy.orm.exc import StaleDataError
 
+from app import time_limit
 from app.options import with_options
 from app.protocols import offered
 from app.report import self_calibration
@@ -36,20 +39,26 @@ from sessions import corrections, derivative, kept_files, records, self_calibrat
 from sessions.full_disk import FULL, is_full
 from sessions.number_table import Data
 from sessions.recording import LoadedRecording
-from sessions.results import begin, fail
+from sessions.results import UNFINISHED, begin, fail
 from sessions.store import Store
 from sessions.tables import Result
 from sessions.trajectory_table import measured_segments
 from sessions.writing import save_file
 
+LOOK, STEP = 0.5, 0.05  # s, share: how often progress is kept
 REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves
 CURVE_POINTS = 1500  # of a measure's curve at most: finer than a screen
 
 
+class StoppedError(Exception):
+    """Nobody waits for the result any more."""
+
+
 def make(store: Store, result_id: int) -> None:
-    """Process the result's recording; a failure the user can mend is kept as the result's error. What was erased meanwhile leaves nothing."""
+    """Process the result's recording; a failure the user can mend is kept as the result's error. What was stopped or erased meanwhile leaves nothing."""
     with store.database() as db:
-        if (result := db.get(Result, result_id)) is None:
+        result = db.get(Result, result_id)
+        if result is None or result.state not in UNFINISHED:
             return
         try:
             _settle(db, store, result)
@@ -62,6 +71,8 @@ def make(store: Store, result_id: int) -> None:
 def _settle(db: Session, store: Store, result: Result) -> None:
     try:
         _make(db, store, result)
+    except StoppedError:
+        db.rollback()
     except (InputError, OSError, DBAPIError) as problem:
         db.rollback()
         full = is_full(problem) or is_full(problem.__context__)
@@ -72,7 +83,9 @@ def _settle(db: Session, store: Store, result: Result) -> None:
 
 def _make(db: Session, store: Store, result: Result) -> None:
     begin(db, result)
-    recording, processed = computed(store, result, lambda share: _progress(db, result, share))
+    hear = time_limit.within(time_limit.LIMIT, _watching(db, result.id), commanded=False)
+    recording, processed = computed(store, result, hear)
+    hear(1.0)
     tasks = assessed(result.method, recording, processed)
     save_replay(store, result.id, processed.trajectory)
     save_report(store, result, recording, processed, tasks)
@@ -225,7 +238,19 @@ def _plain(values: Array, digits: int) -> list[float | None]:
     return [round(float(v), digits) if np.isfinite(v) else None for v in values]
 
 
-def _progress(db: Session, result: Result, share: float) -> None:
-    if share - result.progress >= 0.05:
-        result.progress = share
+def _watching(db: Session, result_id: int) -> Callable[[float], None]:
+    """Hears shares done and keeps them now and then; StoppedError as soon as somebody stopped or erased the result."""
+    kept, looked = 0.0, time.monotonic()
+
+    def heard(share: float) -> None:
+        nonlocal kept, looked
+        if share - kept < STEP and time.monotonic() - looked < LOOK:
+            return
+        kept, looked = share, time.monotonic()
+        running = update(Result).where(Result.id == result_id, Result.state == "running").values(progress=share)
+        found = db.execute(running.returning(Result.id), execution_options={"synchronize_session": False}).all()
         db.commit()
+        if not found:
+            raise StoppedError
+
+    return heard

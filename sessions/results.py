@@ -14,6 +14,7 @@ from sessions.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
 ATTEMPTS = 2  # how often a computation is begun before a server that died again and again gives it up
+STOPPED = "the computation was stopped; process it again when there is time"
 ENDED = "the computation ended unexpectedly; try other options or report this recording"
 
 
@@ -81,6 +82,12 @@ def fail(db: Session, result_id: int, why: str = ENDED) -> None:
     if result is not None and result.state in UNFINISHED:
         result.state, result.error = "failed", why
         db.commit()
+
+
+def stop(db: Session, result_id: int) -> None:
+    """Nobody waits for it any more: what computes it ends with its next step."""
+    get(db, result_id)
+    fail(db, result_id, STOPPED)
 
 
 def put_back(db: Session, result_id: int) -> bool:

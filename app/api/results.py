@@ -70,6 +70,12 @@ def read_result(
     }
 
 
+@router.delete("/{result_id}/computation", status_code=204)
+def stop(db: Db, result_id: int) -> None:
+    """Nobody waits for it any more: it fails, and may be asked for again."""
+    results.stop(db, result_id)
+
+
 @router.get("/{result_id}/curves")
 def read_curves(
     db: Db,

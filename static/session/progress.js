@@ -31,7 +31,19 @@ export function mount(root, api, { session, result, reload }) {
   } else {
     const bar = progressBar(t("progress.working"));
     root.append(h("h2", { role: "status" }, t("progress.working")), bar.element, box.element);
+    if (result) root.append(h("p", {}, h("button", { type: "button", onclick: stop }, t("progress.stop"))));
     watch(bar);
+  }
+
+  async function stop({ currentTarget }) {
+    currentTarget.disabled = true;
+    try {
+      await api.remove(`/api/results/${result.id}/computation`);
+      if (timer !== null) reload();
+    } catch (error) {
+      box.show(error);
+      currentTarget.disabled = false;
+    }
   }
 
   async function watch(bar) {

@@ -16,7 +16,7 @@ from app import jobs, results
 from app.jobs import Jobs
 from estimators.errors import InputError
 from sessions import patients
-from sessions.results import ATTEMPTS, ENDED
+from sessions.results import ATTEMPTS, ENDED, STOPPED, stop
 from sessions.store import Store, open_store
 from sessions.tables import PatientSession, RecordingFile, Result
 
@@ -35,11 +35,15 @@ def make(result_id: int) -> None:
     results.make(jobs._store, result_id)
 
 
-def computed(store: Store, result: Result, progress: object) -> None:
+def computed(store: Store, result: Result, progress: Callable[[float], None]) -> None:
     if result.method in DEATHS:
         DEATHS[result.method]()
     if result.method == "has a bug":
         raise ValueError("bug")
+    if result.method == "is stopped":
+        with store.database() as other:
+            stop(other, result.id)
+        progress(0.5)
     if result.method == "takes long":
         threading.Event().wait(WAIT)
     if result.method == "is told to end once" and not (told := store.folder / "told").exists():
@@ -105,6 +109,16 @@ def test_a_result_whose_computation_has_a_bug_is_failed(store: Store) -> None:
     (only,) = queued(store, "has a bug")
     with Jobs(store):
         assert settled(store, only) == ("failed", ENDED)
+
+
+def test_a_result_that_somebody_stopped_ends_with_its_next_step_or_does_not_begin(store: Store) -> None:
+    running, waiting, behind = queued(store, "is stopped", "refused", "refused")
+    with store.database() as db:
+        stop(db, waiting)
+    with Jobs(store):
+        assert settled(store, behind) == ("failed", "refused, attempt 1")
+    assert told(store, running) == ("failed", STOPPED, 1)
+    assert told(store, waiting) == ("failed", STOPPED, 0)
 
 
 def test_other_work_whose_process_dies_says_so_and_the_next_is_done(store: Store) -> None:
