@@ -62,6 +62,7 @@ class Told:
     redundancy: Array  # (2,) of how many numbers these are the squares, less what the unknowns took up
     seconds: float
     turned: float  # rad, of the last sensor, all its turning added up
+    hand_turned: float  # rad, of the hand's
     bias_sd: float  # rad/s, of gyroscopes: less where every sensor rested
 
     @property
@@ -90,7 +91,7 @@ def limb(finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Map
 def nothing(of: Limb) -> Told:
     """Before anything moved."""
     none = np.zeros((len(of.kept), len(of.kept)))
-    return Told(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, np.inf)
+    return Told(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, 0.0, np.inf)
 
 
 def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
@@ -115,8 +116,8 @@ def told(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> Told:
     ]
     squares, redundancy = np.array(off).T
     made_up = covariance.apparent(problem, at, alone, 1, [terms[residuals.meeting]])
-    turned = float(np.linalg.norm(problem.turns[:, -1], axis=1).sum())
-    return Told(information, made_up, squares, redundancy, n * problem.dt, turned, problem.bias_sd)
+    hand_turned, turned = (float(np.linalg.norm(problem.turns[:, s], axis=1).sum()) for s in (0, -1))
+    return Told(information, made_up, squares, redundancy, n * problem.dt, turned, hand_turned, problem.bias_sd)
 
 
 def together(a: Told, b: Told) -> Told:
@@ -128,6 +129,7 @@ def together(a: Told, b: Told) -> Told:
         a.redundancy + b.redundancy,
         a.seconds + b.seconds,
         a.turned + b.turned,
+        a.hand_turned + b.hand_turned,
         min(a.bias_sd, b.bias_sd),
     )
 
@@ -136,7 +138,7 @@ def observed(asked: Asked, of: Limb, so_far: Told, flexion: Mapping[str, Array])
     """Joint by joint, from what was told so far and the flexion (n,) rad by joint, NaN where it was not followed."""
     sure, problem, at = _sure(of, so_far)
     lengths = {s: float(np.sqrt(slope @ sure @ slope)) for s, slope in _lengths(of, problem, at).items()}
-    turning = so_far.turned / max(so_far.seconds, 1e-9) / np.radians(asked.moving)
+    turning = min(so_far.turned / asked.moving, so_far.hand_turned / asked.hand_moving) / max(np.radians(so_far.seconds), 1e-9)
     most = min(1.0, turning, (so_far.seconds + ROUNDED) / asked.shortest)
     return [_of_joint(asked, of, k, at, sure, lengths, most, flexion[joint]) for k, joint in enumerate(of.links.joints)]
 

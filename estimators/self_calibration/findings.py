@@ -24,6 +24,12 @@ class Asked:
         10.0, "s", "shortest stretch of free movement that may calibrate", "ours: below, lengths are not known within 2 %", least=3.0
     )
     moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
+    hand_moving: float = option(
+        8.0,
+        "deg/s",
+        "least average turning of the hand's sensor that counts as free movement",
+        "ours: skin under it turns it by 6 while the hand rests",
+    )
     bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
     length_known: float = option(
         0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"

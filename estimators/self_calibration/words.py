@@ -76,7 +76,7 @@ def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
 
 
 def require_movement(asked: Asked, finger: str, read: Readings) -> None:
-    turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
+    hand, turning = (float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean())) for gyr in (read.gyr[:, 0], read.gyr[:, -1]))
     if turning < asked.moving:
         if finger == "forearm":
             raise InputError(
@@ -84,6 +84,11 @@ def require_movement(asked: Asked, finger: str, read: Readings) -> None:
             )
         raise InputError(
             f"{finger}: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
+        )
+    if hand < asked.hand_moving:
+        raise InputError(
+            f"{finger}: the hand itself turned at {hand:.0f} deg/s on average ({asked.hand_moving:g} are needed), and a hand that rests tells neither lengths nor where sensors sit;"
+            " turn and swing the whole hand in all directions while fingers bend, and record again; it is not calibrated"
         )
 
 
