@@ -6,7 +6,7 @@ Source  frames: docs/conventions.md; z along the hinge's axis, y along the bone 
 Limits  no movement tells how the hand's sensor and the last phalanx' sit about what no joint shows (4.14): there the nominal mounting speaks
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,10 +34,11 @@ class Segments:
 def of_solution(found: Solution, hand: Hand, mounting: Mapping[str, Array]) -> Segments:
     """The segments of the chain."""
     at, chain, q_BS, p_BS, lengths, sds = found.at, found.problem.chain, {}, {}, {}, {}
+    nominals = [quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float)) for name in chain.sensors]
+    axes = _flexing(at, chain, nominals)
     for s, name in enumerate(chain.sensors):
         near, far = _arms(chain, at, s)
-        nominal = quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), float))
-        q_BS[name] = _seat(at, chain, s, side_sign(hand), nominal)
+        q_BS[name] = _seat(axes[s], near, far, side_sign(hand), nominals[s])
         end = far if far is not None else near
         p_BS[name] = quat.rotate(q_BS[name], -end) if end is not None else np.zeros(3)
         if near is not None and far is not None:
@@ -52,16 +53,25 @@ def _arms(chain: Chain, at: Unknowns, s: int) -> tuple[Array | None, Array | Non
     return at.near[before[0]] if len(before) else None, at.far[after[0]] if len(after) == 1 else None
 
 
-def _seat(at: Unknowns, chain: Chain, s: int, sign: float, nominal: Array) -> Array:
+def _flexing(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Array | None]:
+    """About what each segment flexes (3,), in its sensor's frame, where a hinge shows it: which way round is what most nominal mountings say."""
+    signs: list[float] = []
+    own: list[list[tuple[int, Array]]] = [[] for _ in chain.sensors]
+    for h, joint in enumerate(chain.hinges):
+        parent = own[chain.parents[joint]]
+        signs.append(signs[parent[0][0]] * float(np.sign(parent[0][1] @ at.axis_far[h])) if parent else 1.0)
+        parent.append((h, at.axis_far[h]))
+        own[chain.children[joint]].append((h, at.axis_near[h]))
+    sums = [np.sum([signs[h] * axis for h, axis in axes], axis=0) if axes else None for axes in own]
+    along = [0.0 if z is None else float(z @ quat.rotate(quat.conjugate(q), Z)) for z, q in zip(sums, nominals)]
+    told = float(np.sign(np.sum(np.sign(along))))
+    return [None if z is None else (told or np.sign(one)) * z / np.linalg.norm(z) for z, one in zip(sums, along)]
+
+
+def _seat(z: Array | None, near: Array | None, far: Array | None, sign: float, nominal: Array) -> Array:
     """q_BS (4,): z from the hinges on either side, y from the bone, x square to both; what is not told as nominal."""
-    near, far = _arms(chain, at, s)
-    own = [at.axis_near[h] for h, j in enumerate(chain.hinges) if chain.children[j] == s]
-    own += [at.axis_far[h] for h, j in enumerate(chain.hinges) if chain.parents[j] == s]
-    if not own or near is None:
+    if z is None or near is None:
         return nominal
-    expected = quat.rotate(quat.conjugate(nominal), Z)
-    z = np.sum([a * np.sign(a @ expected) for a in own], axis=0)
-    z /= np.linalg.norm(z)
     y = sign * (far - near) if far is not None else quat.rotate(quat.conjugate(nominal), Y)
     y = y - (y @ z) * z
     y /= np.linalg.norm(y)

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS
-from estimators.self_calibration import findings, steadiness
+from estimators.self_calibration import findings, residuals, steadiness
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import LIMBS, Problem, Readings
 from estimators.self_calibration.recordings import DOUBTFUL, LONGEST_GAP, Hole
@@ -22,6 +23,7 @@ LEFT_OUT = 3.0  # s of a recording that are not worth a word
 LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
+ROUND = 90.0  # deg by which a sensor that was put on the other way round is off at least
 MOMENT = 0.15  # s: knocks that lie closer are one
 OFTEN = 0.5  # knocks in a second, beyond which a person should do something about them
 
@@ -155,7 +157,7 @@ def told(asked: Asked, finger: Finger) -> list[str]:
             f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
             " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
         )
-    said += _doubted(found.problem)
+    said += _doubted(found.problem) + _reversed(finger)
     for segment in finger.segments.p_BS:
         if segment not in beside_stiff and not findings.placed(asked, finger, segment):
             sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
@@ -167,6 +169,21 @@ def told(asked: Asked, finger: Finger) -> list[str]:
             sd = finger.segments.lengths_sd[segment]
             said.append(
                 f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
+            )
+    return said
+
+
+def _reversed(finger: Finger) -> list[str]:
+    """Sensors that sit the other way round than their nominal mounting, which an axis or a bone alone does not show."""
+    problem, at, said = finger.solution.problem, finger.solution.at, []
+    bones = {s: at.far[a] - at.near[b] for s, b, a in residuals.bones(problem.chain)}
+    for s, name in enumerate(problem.chain.sensors):
+        z = quat.rotate(quat.conjugate(finger.segments.q_BS[name]), np.array([0.0, 0.0, 1.0]))
+        ways = [z @ problem.flexing[s]] + ([bones[s] @ problem.distal[s] / np.linalg.norm(bones[s])] if s in bones else [])
+        tilt = float(np.degrees(np.arccos(np.clip(min(ways), -1.0, 1.0))))
+        if tilt > ROUND:
+            said.append(
+                f"the sensor of {name} sits {tilt:.0f} deg off its nominal mounting: was another one put on there, or turned round?"
             )
     return said
 

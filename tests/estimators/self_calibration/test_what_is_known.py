@@ -7,7 +7,8 @@ import pytest
 
 from estimators import quaternions as quat
 from estimators.quaternions import Array
-from estimators.self_calibration import certainty, segments, solver
+from estimators.self_calibration import certainty, segments, solver, words
+from estimators.self_calibration.findings import Finger
 from estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Limits, Solution
@@ -51,6 +52,24 @@ def test_a_length_that_was_measured_wrongly_and_a_mounting_that_is_not_so_give_w
     assert (np.degrees(found.problem.seat_sd) > 25.0).sum() >= 3
     for name in SEGMENTS[1:3]:
         assert told.lengths[name] == pytest.approx(HINGES, rel=0.01)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("row", [1, 2])
+def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neighbours(solved: Solution, row: int, axis: int) -> None:
+    nominal = recorded(1, 16.0).mounting
+    name, told = SEGMENTS[row], segments.of_solution(solved, "left", nominal)
+    turned = {**nominal, name: quat.multiply(quat.about(axis, np.pi), np.asarray(nominal[name]))}
+    round_ = segments.of_solution(solved, "left", turned)
+    for segment, q in told.q_BS.items():
+        assert quat.angle(quat.relative(q, round_.q_BS[segment])) < 1e-6
+    to_sensor = quat.conjugate(turned[name])
+    problem = replace(solved.problem, flexing=solved.problem.flexing.copy(), distal=solved.problem.distal.copy())
+    problem.flexing[row], problem.distal[row] = (quat.rotate(to_sensor, np.eye(3)[k]) for k in (2, 1))
+    worn = Finger("index", np.zeros(1), replace(solved, problem=problem), round_, None)  # type: ignore[arg-type]
+    (said,) = words._reversed(worn)
+    assert said.startswith(f"the sensor of {name} sits 1")
+    assert words._reversed(replace(worn, solution=solved, segments=told)) == []
 
 
 def _mounted_otherwise(problem: Problem, q: Array) -> Problem:
