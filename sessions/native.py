@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,8 +109,7 @@ class _Parts:
 def _named(block: Block, name: str) -> Block:
     if block.stream.name == name:
         return block
-    s = block.stream
-    return Block(type(s)(name, s.sensors, s.quantities, s.rate, s.clock, s.full_scale), block.t, block.values)
+    return replace(block, stream=replace(block.stream, name=name))
 
 
 def _keep(contents: Contents, topic: str, message: Message) -> None:

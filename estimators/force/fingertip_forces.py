@@ -72,7 +72,7 @@ def attached(
     force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
     scale = _scales(params, sensors)
     aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors))
-    q_GF, acc, gyr = _cuffs(moved, blocks, mounting, calibrations, fingers)
+    q_GF, acc, gyr = _cuffs(moved, blocks, _seated(mounting, blocks), calibrations, fingers)
     found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
     unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
     turn, inertial, covariance = *np.zeros((2, *force.shape[:2], 3)), np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1))
@@ -138,12 +138,13 @@ def newest(
     For the eye: at once and without what a grasp tells of the tips' orientations.
     """
     fingers, told = list(zeros), np.full((len(FINGERS), 3), np.nan)
-    q_GF, _, _ = _cuffs(moved.between(moved.t[-1], np.inf), (), mounting, calibrations, fingers)
+    q_GF, _, _ = _cuffs(moved.between(moved.t[-1], np.inf), (), _seated(mounting, blocks), calibrations, fingers)
     for block in blocks:
         for k, point in enumerate(block.stream.sensors if FORCE in block.stream.quantities else ()):
             if (finger := point.removesuffix("_tip_force")) in zeros:
-                own = quat.rotate(q_GF[0, fingers.index(finger)], block.of(FORCE)[-1, k] - zeros[finger])
-                told[FINGERS.index(finger)] = own
+                force = block.of(FORCE)[-1, k] - zeros[finger]
+                if np.isfinite(force).all():  # infinite: a raw channel at its limit
+                    told[FINGERS.index(finger)] = quat.rotate(q_GF[0, fingers.index(finger)], force)
     return told
 
 
@@ -292,6 +293,12 @@ def _left_reading(
     shares, rows = np.array([free.mean() for free in behind]), (at > start) & (at < stop)
     left = [np.linalg.norm(np.median(r.force[rows], axis=0)) / np.sqrt(3.0) / np.median(r.sd[rows]) for r in read]
     return np.asarray((shares == 0) & (shares.max() > 0.5) & (np.array(left) > params.doubt))
+
+
+def _seated(mounting: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, Array]:
+    """The mountings, with force sensors that were calibrated in the axes of their cuff's inertial sensor mounted as that is."""
+    points = [point for block in blocks for point in block.stream.turn_sd]
+    return {**mounting, **{p: mounting.get(CHAINS[p.removesuffix("_tip_force")][-1], quat.IDENTITY) for p in points}}
 
 
 def _cuffs(

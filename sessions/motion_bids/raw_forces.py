@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.force.setup import ForceSetup
-from estimators.hand_anatomy import CHAINS
 from estimators.quaternions import Array
 
 
@@ -41,13 +39,6 @@ def require_all(setups: Mapping[str, ForceSetup], found: set[str]) -> None:
             raise InputError(
                 f"ForceSetup of {point} is for the channels {', '.join(c.name for c in setup.channels)}, and no channels.tsv has them at this tracked_point; name them alike"
             )
-
-
-def seated(mounting: Mapping[str, Array], setups: Mapping[str, ForceSetup]) -> dict[str, Array]:
-    """The mountings, with force sensors that were calibrated in the axes of their cuff's inertial sensor mounted as that is."""
-    distal = {f"{finger}_tip_force": chain[-1] for finger, chain in CHAINS.items()}
-    told = {point: mounting.get(distal[point], quat.IDENTITY) for point, setup in setups.items() if setup.turn_sd is not None}
-    return {**mounting, **told}
 
 
 def loads_of(setup: ForceSetup, raw: Array) -> Array:

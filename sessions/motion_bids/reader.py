@@ -71,7 +71,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     recording = LoadedRecording(
         said,
         sized(said, measures_from(_merged(systems, "HandGeometry"))),
-        raw_forces.seated(_mounting(_merged(systems, "SensorMounting")), setups),
+        _mounting(_merged(systems, "SensorMounting")),
         samples,
         events_of(files, inside),
         tuple(warnings),

@@ -8,6 +8,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
 from estimators.samples import FORCE, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
+from sessions.wire import force_told
+from sessions.wire.force_told import ForceTold
 from sessions.wire.framing import Counters, Decoder
 from sessions.wire.messages import (
     Identity,
@@ -63,6 +66,7 @@ class Assembler:
     counts: dict[str, StreamCount] = field(default_factory=dict)  # by stream name
     replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
+    forces: dict[tuple[int, int], ForceTold] = field(default_factory=dict)  # calibrations of force sensors
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
     plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, as the glove tells
@@ -172,7 +176,7 @@ class Assembler:
                 self._marked(message)
             case Plate():
                 self.plate = message
-            case StripCalibration():
+            case StripCalibration() | ForceTold():
                 self._calibrated(message)
                 return self._released()
         return ()
@@ -186,7 +190,7 @@ class Assembler:
             self._early.clear()
             self.strips, self.infos, self.streams, self._clocks, self.host = {}, {}, {}, {}, ClockMap()
             self._told, self.plate = {}, None
-            self.calibrations, self._readings = {}, {}
+            self.calibrations, self.forces, self._readings = {}, {}, {}
             self._zero, self._next_index = None, {}
         self.identity = identity
 
@@ -196,6 +200,7 @@ class Assembler:
         before = self.strips.get(strip.slot)
         if not strip.attached or (before is not None and before.strip_id != strip.strip_id):  # another strip has another flash
             self.calibrations = {key: c for key, c in self.calibrations.items() if key[0] != strip.slot}
+            self.forces = {key: c for key, c in self.forces.items() if key[0] != strip.slot}
         if not strip.attached:
             self.strips.pop(strip.slot, None)
             self._told.pop(strip.slot, None)
@@ -207,10 +212,11 @@ class Assembler:
             self._mount(strip)
             self._rename()
 
-    def _calibrated(self, calibration: StripCalibration) -> None:
+    def _calibrated(self, calibration: StripCalibration | ForceTold) -> None:
         key = calibration.slot, calibration.sensor
-        if self.calibrations.get(key) != calibration:
-            self.calibrations[key] = calibration
+        known: dict[tuple[int, int], Any] = self.forces if isinstance(calibration, ForceTold) else self.calibrations
+        if known.get(key) != calibration:
+            known[key] = calibration
             self._rename()
 
     def _marked(self, mark: Mark) -> None:
@@ -246,23 +252,34 @@ class Assembler:
                 name += f"_slot{info.slot}"
             calibrations = [correction_of(m) for m in told]
             scales = {q: imu_calibration.reach(calibrations, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
-            stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales)
+            forces = self._forces_of(strip, info)
+            known = {p: f for p, f in zip(strip.points, forces) if f is not None}
+            if known and strip.raw and self.correct:
+                scales = {q: f for q, f in scales.items() if q not in (FORCE, TORQUE)}  # a limit is of what was sent
+            scale_sd, turn_sd = {p: f.scale_sd for p, f in known.items()}, {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None}
+            stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales, scale_sd, turn_sd)
             if self.streams.get(number) != stream:
                 self.streams[number] = stream
             before = self._readings.get(number)
-            if before is None or (before.stream, before.info, before.told) != (stream, info, told):
+            if before is None or (before.stream, before.info, before.told, before.forces) != (stream, info, told, forces):
                 correction = imu_calibration.correction(calibrations, info.quantities) if calibrations else None
                 limits = np.repeat([SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3)
-                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits)
+                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits, forces, strip.raw and self.correct)
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
         """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
         if not (strip.raw and self.correct):
             return ()
-        told = tuple(c for k in range(len(strip.points)) if (c := self.calibrations.get((strip.slot, k))) is not None)
-        if len(told) < len(strip.points):
+        keys = [(strip.slot, k) for k in range(len(strip.points))]
+        if not all(key in self.calibrations or key in self.forces for key in keys):
             return None
+        told = tuple(self.calibrations.get(key, StripCalibration(*key)) for key in keys)
         return () if all(correction_of(c).trivial for c in told) else told
+
+    def _forces_of(self, strip: Strip, info: StreamInfo) -> tuple[ForceTold | None, ...]:
+        """What is told of each force sensor of a stream, empty where none is."""
+        told = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
+        return told if FORCE in info.quantities and any(told) else ()
 
     def _sampled(self, samples: Samples, arrival: float) -> "Iterable[_Burst]":
         reading = self._readings.get(samples.stream) if samples.stream in self.streams and samples.stream in self.infos else None
@@ -318,6 +335,8 @@ class Assembler:
             t, values = t[fresh], values[fresh]
         if reading.correction is not None:
             values = imu_calibration.corrected(reading.correction, values)
+        if reading.forces and reading.raw:
+            values = force_told.corrected(values, reading.info.quantities, reading.info.full_scale, reading.forces)
         at_limit = np.abs(values) >= reading.limits
         if at_limit.any():  # hardly ever
             count = self.counts[reading.stream.name]
@@ -334,6 +353,8 @@ class _Reading:
     told: tuple[StripCalibration, ...]
     correction: Correction | None
     limits: Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
+    forces: tuple[ForceTold | None, ...]  # calibrations of force sensors
+    raw: bool  # whether they are still to be applied
 
 
 @dataclass(frozen=True)

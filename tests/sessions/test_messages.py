@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from estimators.magnet_plate import Plate
 from estimators.samples import ACC, GYR, TRACKED_POINTS
 from sessions.wire import messages as wire
+from sessions.wire.force_told import ForceTold
 from sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
 from sessions.wire.sample_values import data_of, fits, values_of
 
@@ -37,6 +38,11 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
     return wire.StreamInfo(draw(BYTE), draw(BYTE), draw(BYTE), quantities, draw(st.sampled_from(Format)), rate, numbers[0], numbers[1])
 
 
+def force_told(axes: int) -> st.SearchStrategy[ForceTold]:
+    share = st.floats(0, 0.5, width=32)
+    return st.builds(ForceTold, BYTE, BYTE, share, st.none() | share, st.tuples(*axes * [REAL]), st.tuples(*axes * axes * [REAL]))
+
+
 CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, st.tuples(*9 * [REAL]), st.tuples(*27 * [REAL]))
 THREE = st.tuples(REAL, REAL, REAL)
 PLATES = st.builds(Plate, st.dictionaries(st.sampled_from(TRACKED_POINTS), THREE, max_size=4), THREE, THREE, REAL, st.none() | REAL)
@@ -51,6 +57,7 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
     wire.Mark: st.builds(wire.Mark, LONG, LONG, TEXT, PAIRS),
     wire.StripCalibration: CALIBRATIONS,
     Plate: PLATES,
+    ForceTold: st.sampled_from([3, 6]).flatmap(force_told),
     wire.Identify: st.just(wire.Identify()),
     wire.Configure: st.builds(wire.Configure, BYTE, st.floats(0, 1000), st.floats(0, 100), REAL, REAL, st.sampled_from(Format)),
     wire.Start: st.just(wire.Start()),

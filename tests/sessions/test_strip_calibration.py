@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from estimators.imu_calibration import ImuCalibration, apply
-from estimators.samples import ACC, GYR, Block, join
+from estimators.samples import ACC, FORCE, GYR, TORQUE, Block, Stream, join
 from sessions import native
 from sessions.recorder import Recorder
 from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler, correction_of, message_of
+from sessions.wire.force_told import ForceTold
 from sessions.wire.framing import Encoder
 from tests.estimators.test_imu_calibration import drawn
 from tests.glove import as_float32, bursts, frames, identity, info, strip
@@ -62,6 +63,48 @@ def test_another_strip_at_the_same_slot_is_not_corrected_by_the_first_ones_calib
     assert assembler.waiting == len(sent) - 10
     _, block = fed([*begin, replace(RAW, attached=False), RAW, info("index"), *sent[10:]])
     assert block is not None and len(block.t) == sum(s.count for s in sent[:10])
+
+
+POINTS = ("thumb_tip_force", "index_tip_force")
+GAINS = 9.0 + np.random.default_rng(1).normal(size=(2, 6, 6))
+OFFSETS = (0.5, 0.25, 0.125, 1.0, 2.0, 3.0)
+
+
+def fingertips(quantities: tuple[str, ...], raw: bool, axes: int = 6, at_limit: float = 0.0) -> Block:
+    """Two force sensors that send the same twelve samples of everything, calibrated with 3 or 6 axes; the first of 5 at a limit where there is one."""
+    worn = wire.Strip(4, True, 7, POINTS, (), raw)
+    told = [
+        ForceTold(4, k, 0.01 * (k + 1), 0.005 if k else None, OFFSETS[:axes], tuple(map(float, GAINS[k, :axes, :axes].ravel())))
+        for k in (0, 1)
+    ]
+    described = wire.StreamInfo(9, 4, 0, quantities, wire.Format.FLOAT32, 12.0, (1.0,) * len(quantities), (at_limit,) * len(quantities))
+    values = np.repeat(np.arange(1.0, 13.0)[:, None], 3 * len(quantities) * 2, axis=1).reshape(12, 2, -1)
+    sent = bursts("force", Block(Stream("force", POINTS, quantities, 12.0), np.arange(12) / 12, values), described)
+    early = sent[: 1 if raw else 0]
+    _, block = fed([identity(), worn, described, *early, *told, *sent[len(early) :]])
+    assert block is not None
+    assert block.stream.scale_sd == {POINTS[0]: pytest.approx(0.01), POINTS[1]: pytest.approx(0.02)}
+    assert block.stream.turn_sd == {POINTS[1]: pytest.approx(0.005)}
+    return block
+
+
+def test_raw_forces_wait_for_their_calibration_and_are_corrected_by_it() -> None:
+    three, six = fingertips((FORCE,), True, 3), fingertips((FORCE, TORQUE), True)
+    for block, axes in ((three, 3), (six, 6)):
+        assert len(block.t) == 12, "the burst before the calibration waited"
+        for k in (0, 1):
+            expected = (np.arange(1.0, 13.0)[:, None] - OFFSETS[:axes]) @ GAINS[k, :axes, :axes].astype("<f4").T
+            np.testing.assert_allclose(block.values[:, k], expected, rtol=1e-6)
+    assert np.isnan(fingertips((FORCE,), True).values).all(), "six axes need the torques in the same stream"
+
+
+def test_raw_forces_at_their_limit_are_infinite_and_those_of_a_strip_that_corrects_itself_are_left_alone() -> None:
+    limited = fingertips((FORCE,), True, 3, at_limit=10.0)
+    assert FORCE not in limited.stream.full_scale
+    np.testing.assert_array_equal(np.isinf(limited.values).all(axis=(1, 2)), np.arange(1, 13) >= 9.8)
+    itself = fingertips((FORCE,), False, 3, at_limit=10.0)
+    np.testing.assert_array_equal(itself.values[:, 0, 0], np.arange(1.0, 13.0))
+    assert itself.stream.full_scale == {FORCE: 10.0}
 
 
 def test_a_calibration_keeps_its_numbers_on_the_wire() -> None:

@@ -132,8 +132,10 @@ def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     assert sds[0] < usual.mass_sd < sds[1]
     assert sds[1] > 0.4 * 0.1 * 0.44 / np.sqrt(2), "both fingers carry half of it each, and err apart"
     held = replace(force.stream, turn_sd=dict.fromkeys(force.stream.sensors, 0.005))
-    moved, _ = fingertip_forces.attached(ForceParams(), bare, [replace(force, stream=held), *others], {}, heavy_moved().calibrations)
+    drawn = {"thumb_tip_force": np.array([0.0, 1.0, 0.0, 0.0])}  # does not count: the forces are in the inertial sensor's axes
+    moved, _ = fingertip_forces.attached(ForceParams(), bare, [replace(force, stream=held), *others], drawn, heavy_moved().calibrations)
     (straight,) = measured(made, moved).lifts
+    assert straight.mass == pytest.approx(usual.mass, rel=0.02)
     assert straight.mass_sd < 0.95 * usual.mass_sd, "how the cuff holds the sensor is known"
     assert good.force_scale_sd is None
     assert usual.held.squeeze_scale_sd is None
