@@ -58,7 +58,7 @@ def starts(told: Told, reach: float, regions: int) -> Array:
     scale = np.abs(A).max(axis=1, keepdims=True)
     Q, R = np.linalg.qr(A / scale)
     flat = (y if field is None else y - field[:, None]).reshape(len(y), -1)
-    along_Q = np.einsum("nk,gkc->ngc", flat, Q)
+    along_Q = (flat @ np.moveaxis(Q, 1, 0).reshape(Q.shape[1], -1)).reshape(len(flat), len(Q), -1)
     unexplained = (flat**2).sum(axis=1)[:, None] - (along_Q**2).sum(axis=2)
     if size is not None:
         fit = np.einsum("gcd,ngd->ngc", np.linalg.inv(R), along_Q) / scale[:, 0]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.errors import InputError
-from estimators.magnet_fit import Told, by_places, improved, residuals, starts
+from estimators.magnet_fit import ROUNDS, Told, by_places, improved, residuals, starts
 from estimators.magnet_setup import Constellation, require_field
 from estimators.quaternions import Array
 
@@ -24,6 +24,8 @@ AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best o
 STRAIGHT = (
     0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
 )
+FIRST = 12  # rounds before errors of the magnetometers' places count
+SAME, KEPT = 1e-3, 8  # m between places that are the same; places of a reading that are improved once those errors count
 PIECE = 4096  # readings at once
 
 
@@ -83,6 +85,17 @@ def located(
     )
 
 
+def _apart(x: Array, cost: Array) -> tuple[Array, Array, int]:
+    """Of the places that starts (n, many, 9) led to those with the lowest cost, each once, the best one first; how many of each reading."""
+    order = cost.argsort(axis=1)
+    x, cost = np.take_along_axis(x, order[..., None], axis=1), np.take_along_axis(cost, order, axis=1)
+    near = np.linalg.norm(x[:, :, None, :3] - x[:, None, :, :3], axis=-1) < SAME
+    again = (near & np.tri(x.shape[1], k=-1, dtype=bool)).any(axis=2)
+    kept = np.argsort(again, axis=1, kind="stable")[:, :KEPT]
+    x, cost = np.take_along_axis(x, kept[..., None], axis=1), np.take_along_axis(cost, kept, axis=1)
+    return x.reshape(-1, 9), cost.reshape(-1), kept.shape[1]
+
+
 def noise_left(found: Located, many: int) -> float:
     """Standard deviation of readings of `many` magnetometers, T, by what places leave of them (nine unknowns explain a part): the noise, and what places and
     calibrations are off by, whatever the magnet does between one reading and the next."""
@@ -94,13 +107,11 @@ def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Ar
     """Values (n, 9), their standard deviations, RMS left (n,) in T and in standard deviations, by how many of its own the size told is off (n,)."""
     begun = starts(told, reach, regions)  # (n, many, 9)
     n, many = begun.shape[:2]
-    each = told.repeated(many)
-    x, cost = improved(begun.reshape(n * many, 9), each)
+    x, cost = improved(begun.reshape(n * many, 9), told.repeated(many), ROUNDS if place_sd == 0 else FIRST)
     if place_sd > 0:
-        best = np.arange(n) * many + cost.reshape(n, many).argmin(axis=1)
-        louder = by_places(x[best], told, place_sd)
-        told, each = replace(told, louder=louder), replace(each, louder=np.repeat(louder, many, axis=0))
-        x, cost = improved(x, each)
+        x, cost, many = _apart(x.reshape(n, many, 9), cost.reshape(n, many))
+        told = replace(told, louder=by_places(x[::many], told, place_sd))
+        x, cost = improved(x, told.repeated(many))
     cost = cost.reshape(n, many)
     best = np.arange(n) * many + cost.argmin(axis=1)
     apart = np.linalg.norm(x.reshape(n, many, 9)[..., :3] - x[best, None, :3], axis=-1)
