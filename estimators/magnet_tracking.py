@@ -4,7 +4,7 @@ In      Readings: inertial samples of trunk (base b) and hand (target t), any nu
 Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
 Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
         (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py,
-        magnet_lateness.py, magnet_reading.py, magnet_loop.py
+        magnet_inertial.py, magnet_lateness.py, magnet_reading.py, magnet_loop.py
 Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
 Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
         array. A magnet that nobody told of is flagged, not tracked

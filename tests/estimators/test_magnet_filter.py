@@ -6,8 +6,8 @@ import pytest
 from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
+from estimators.magnet_inertial import pushed_alike, vertical
 from estimators.magnet_lateness import FB, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
-from estimators.magnet_loop import pushed_alike, vertical
 from estimators.magnet_options import MagnetParams, sizes
 from estimators.magnet_reading import read
 from estimators.quaternions import Array
