@@ -238,15 +238,12 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
     level = np.array([0.0, np.hypot(B_g[0], B_g[1]), B_g[2]])
     if setup.dip is not None:
         level = setup.earth * np.array([0.0, np.cos(setup.dip), -np.sin(setup.dip)])
-    q_bt = setup.q_bt
-    if q_bt is None:
-        q_gt = upright(quat.IDENTITY, sample[9:12])
-        q_bt = quat.multiply(quat.conjugate(q_gb), q_gt)
-        turn = 0.0
-        if near is not None:
-            m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
-            turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
-        q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
+    q_gt = upright(quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12])
+    turn = 0.0
+    if setup.q_bt is None and near is not None:
+        m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
+        turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
+    q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
     x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), _as_told(setup)])
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
