@@ -50,6 +50,7 @@ class Sizes(NamedTuple):
     acc_common: float  # m/s^2
     trunk_speed: float  # m/s
     speed_alike: float  # s
+    still_acc: float  # m/s^2
     still_speed: float  # m/s
     still_rate: float  # rad/s
     still_alike: float  # s

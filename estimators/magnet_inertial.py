@@ -54,25 +54,26 @@ def clear(H: Array) -> None:
 
 
 @inlined
-def inertial(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, dt: float) -> Array:
-    """What inertial readings and the test of standstill tell beside the movement, in place; gives the state."""
+def inertial(s: Sizes, x: Array, P: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float) -> Array:
+    """What inertial readings and the test of standstill tell beside the movement, in place; gives the state. Of a hand that is lost nothing tells a slow slide
+    from rest."""
     dx = np.zeros(len(P))
     faster = 0.0  # a hand that slides without turning passes for still: not where it is known to be on its way
     for i in range(3):
         faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
     still_t = still_t and not (still_b and faster > ON_ITS_WAY**2)
-    vertical(s, x, P, dx, now, still_b, still_t, dt)
-    speeds(s, x, P, dx, still_b, still_t, dt)
+    vertical(s, x, P, dx, now, still_b, still_t, lost, dt)
+    speeds(s, x, P, dx, still_b, still_t and not lost, dt)
     pushed_alike(s, x, P, dx, now, dt)
-    if still_b and still_t:
+    if still_b and still_t and not lost:
         stood(s, x, P, dx, now, dt)
     out: Array = moved(x, dx)
     return out
 
 
 @inlined
-def vertical(s: Sizes, x: Array, P: Array, dx: Array, now: Array, still_b: bool, still_t: bool, dt: float) -> None:
-    """The accelerometer of what stands still reads gravity. (5.16)"""
+def vertical(s: Sizes, x: Array, P: Array, dx: Array, now: Array, still_b: bool, still_t: bool, lost: bool, dt: float) -> None:
+    """The accelerometer of what stands still reads gravity; of a lost hand to what the test of standstill lets pass. (5.16)"""
     R, up, H = matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
     up[2] = s.gravity
     variance = s.acc_still**2 * s.alike / dt
@@ -86,6 +87,8 @@ def vertical(s: Sizes, x: Array, P: Array, dx: Array, now: Array, still_b: bool,
         for i in range(3):
             corrected(P, dx, H[i], now[3 + i] - x[XBA + i] - g_b[i], variance)
     if still_t:
+        if lost:
+            variance = s.still_acc**2 * 2 * s.still_alike / dt
         clear(H)
         block(1.0, skew(g_t), 0, TH, H)
         block(1.0, chained(transposed(R), S), 0, THG, H)

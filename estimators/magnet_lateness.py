@@ -9,7 +9,8 @@ In      state x and errors as magnet_filter.py has them; the way (22,): rates of
 Source  ours, by the rigid-body motion of magnet_filter.py (5.19)-(5.22); rates and their change: fading memory of degree one (Morrison 1969, Introduction
         to Sequential Smoothing and Prediction, ch. 13). Unsmoothed, the noise of a rate counts as movement that readings would have to show: lateness
         then comes out a third too small. So do the jumps of the filter's velocity: slopes by the lateness take one that is led by accelerations and
-        follows slowly, after Huang, Mourikis & Roumeliotis 2010 (Int J Robotics Research 29:502)
+        follows slowly, after Huang, Mourikis & Roumeliotis 2010 (Int J Robotics Research 29:502). Where movement does not tell it, it is a parameter
+        that is considered (Schmidt 1966, Advances in Control Systems 3:293)
 Leaves  a change of the acceleration over tau (0.1 s at 10 m/s^3: 2 mm), and what the biases of a way as short as tau amount to
 """
 
@@ -23,7 +24,8 @@ from estimators.quaternions import Array
 from estimators.small_matrices import block
 
 WAY = 22
-TELLS = 21  # 1 where movement tells lateness; at rest, and of a place that is not known, what the filter errs by would pass for it
+TELLS = 21  # how readings are taken to depend on lateness
+LEARNT, CONSIDERED, LEFT_OUT = 1.0, 0.0, -1.0
 WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way
 MEMORY = 0.05  # s of the rates
 SLOW = 2.0  # s, of the velocity
@@ -64,13 +66,26 @@ def unsure(P: Array) -> float:
 
 
 @inlined
-def lively(way: Array, P: Array) -> bool:
-    """Whether the velocity is known, and trunk or hand move so that a reading a hundredth of a second late differs by more than a filter at rest wanders."""
+def dependence(way: Array, P: Array, lost: bool) -> float:
+    """What readings tell of lateness: nothing of a hand whose place or velocity is not known; nothing more where neither trunk nor hand moves so that a reading
+    a hundredth of a second late differs by more than a filter at rest wanders."""
+    if lost or unsure(P) > UNSURE**2:
+        return LEFT_OUT
     base, target, speed = 0.0, 0.0, 0.0
     for i in range(3):
         base, target, speed = base + way[WB + i] ** 2, target + way[WT + i] ** 2, speed + way[VS + i] ** 2
     moves = max(base, target) > TURNING**2 or speed > max(TRAVELLING**2, SURELY**2 * unsure(P))
-    return bool(moves and unsure(P) <= UNSURE**2)
+    return LEARNT if moves else CONSIDERED
+
+
+@inlined
+def considered(way: Array, P: Array, dx: Array, C: Array) -> None:
+    """An update dx, C of P in place, which has learnt nothing of lateness where movement does not tell it. What else is known must go on to depend on it: taken for
+    certain there, a place that is late by its speed would later tell how late."""
+    if way[TELLS] < LEARNT:
+        last = len(dx) - 1
+        dx[last] = 0.0
+        C[last, last] = P[last, last]
 
 
 @inlined
@@ -139,4 +154,5 @@ def by_now(x: Array, then: Array, way: Array, H: Array) -> None:
         for j in range(3):
             H[i, TH + j] = HtU[i, j] - 0.5 * tau * tau * far[i, j]
             carried = S[j, 0] * then[0] + S[j, 1] * then[1] + S[j, 2] * then[2]
-            H[i, H.shape[1] - 1] += way[TELLS] * (Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j])
+            if way[TELLS] > LEFT_OUT:
+                H[i, H.shape[1] - 1] += Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j]

@@ -35,7 +35,7 @@ from estimators.magnet_filter import (
     widened,
 )
 from estimators.magnet_inertial import inertial
-from estimators.magnet_lateness import TELLS, lively, settled, went_on
+from estimators.magnet_lateness import TELLS, considered, dependence, settled, went_on
 from estimators.magnet_reading import EVIDENCE, answered, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
@@ -46,6 +46,8 @@ AUDIBLE, LOUD = (
     1.0,
     3.0,
 )  # times what calibrations leave and a single reading's noise: what a known place is kept by, and what a lost one is found by
+BENDS = 12.0  # a dipole's field over the square of its distance: its second derivative along the line to it
+SLIGHT = 0.05  # share of a reading's variance that changes nothing
 LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 FOUND = 0.15  # of that distance: a lost one known no better is not found
@@ -95,6 +97,10 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
         dx, C, cost = sought(s, x, P, way, start, mag, grown)
     else:
         dx, C, cost = kept(s, x, P, way, mag, grown)
+        bent = curved(moved(x, dx), C, dt) / s.mag**2
+        if bent > SLIGHT:
+            dx, C, cost = kept(s, x, P, way, mag, grown + bent)
+    considered(way, P, dx, C)
     out: Array = moved(x, dx)
     left[0] = cost
     known = cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
@@ -103,6 +109,18 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     else:
         put(C, P)
     return out
+
+
+@inlined
+def curved(x: Array, P: Array, dt: float) -> float:
+    """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says, as white noise: it stays alike as long as the place
+    errs alike, which is what it errs by over how fast it errs. Without it readings seem to tell what none of them does."""
+    place, speed, away = 0.0, 0.0, distance(x)
+    for i in range(3):
+        place, speed = place + P[P_ + i, P_ + i], speed + P[V_ + i, V_ + i]
+    bent: float = BENDS * strength(x, away) / away**2 * place / 3  # of (e^2 - E e^2) / 2 the variance is half the square of e's
+    variance: float = bent**2 / 2 * max(1.0, math.sqrt(place / speed) / dt)
+    return variance
 
 
 @inlined
@@ -247,7 +265,7 @@ def followed(
             before[i] = now[i]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
-        way[TELLS] = 0.0 if wide or not lively(way, P) else 1.0
+        way[TELLS] = dependence(way, P, wide)
         count = answered(mags[n])
         if count:
             new = 0.0 if wide else surprise(s, x, P, way, mags[n])
@@ -265,7 +283,7 @@ def followed(
         else:
             mood[SILENT] += step
         if rough < 2.0:
-            x = inertial(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, step)
+            x = inertial(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, wide, step)
         x = bounded(s, x, P, centre, step)
         for i in range(len(P)):
             for j in range(i):

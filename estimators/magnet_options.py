@@ -144,6 +144,7 @@ def sizes(p: MagnetParams) -> Sizes:
         acc_common=p.acc_common,
         trunk_speed=p.trunk_speed,
         speed_alike=p.speed_alike,
+        still_acc=p.still_acc,
         still_speed=p.still_speed,
         still_rate=0.25 * p.still_gyr * DEG,
         still_alike=p.still_alike,

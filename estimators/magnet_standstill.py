@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from estimators.quaternions import Array
 from estimators.zero_velocity import likelihood_ratios
 
+SLIDE = 48  # samples over which a slow slide shows in the magnet's field
 SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise
 
 
@@ -24,18 +25,21 @@ def stood(
     joined = np.concatenate([recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
     still = np.zeros((len(samples), 2), bool)
     if len(joined) >= length and len(samples):
-        windows = np.lib.stride_tricks.sliding_window_view(joined, length, axis=0).transpose(0, 2, 1)
+        begun = max(len(joined) - len(samples) - length + 1, 0)
+        windows = np.lib.stride_tricks.sliding_window_view(joined[begun:, :12], length, axis=0).transpose(0, 2, 1)
         for k in range(2):
             ratio = likelihood_ratios(windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], gyr_sd, acc_sd)
             still[len(samples) - len(ratio) :, k] = ratio < 1.0
-        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), length, noise)
+    if len(joined) >= SLIDE and len(samples):
+        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), SLIDE, noise)[-len(samples) :]
         still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
-    return joined[-(length - 1) :], still
+    return joined[-(max(length, SLIDE) - 1) :], still
 
 
 def moving(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
-    """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,)."""
-    flat = mag.reshape(len(mag), -1)
+    """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
+    several magnetometers have in common is the room's field before a trunk that breathes."""
+    flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)
     half = length // 2
     first, many = _means(flat[: len(flat) - length + half], half)
     second, more = _means(flat[length - half :], half)
@@ -45,6 +49,13 @@ def moving(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
     count = known.sum(axis=1)
     mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(count, 1)
     return np.asarray((count > 0) & (mean > 1.0 + SURE * np.sqrt(2.0 / np.maximum(count, 1))))
+
+
+def _common(mag: Array) -> Array:
+    """Mean (n, 1, 3) of the magnetometers that answered; NaN where none did."""
+    known = np.isfinite(mag)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, mag, 0.0).sum(axis=1, keepdims=True) / known.sum(axis=1, keepdims=True))
 
 
 def _means(flat: Array, length: int) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
 from estimators.magnet_inertial import pushed_alike, vertical
-from estimators.magnet_lateness import FB, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
+from estimators.magnet_lateness import FB, LEARNT, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
 from estimators.magnet_options import MagnetParams, sizes
 from estimators.magnet_reading import read
 from estimators.quaternions import Array
@@ -56,7 +56,7 @@ def _widened(s, P: Array, F: Array, dt: float, w_b: float, field: float) -> None
 def _told(s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float) -> Array:  # type: ignore[no-untyped-def]
     dx = np.zeros(len(P))
     if base or target:
-        vertical(s, x, P, dx, now, base, target, dt)
+        vertical(s, x, P, dx, now, base, target, False, dt)
     else:
         pushed_alike(s, x, P, dx, now, dt)
     return mf.moved(x, dx)
@@ -101,9 +101,8 @@ def test_slopes_of_the_time_update_are_differences() -> None:
 def test_slopes_of_a_magnetometer_are_differences() -> None:
     """Of one that is 70 ms late, while trunk and hand turn and speed up."""
     x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY)
-    way[TELLS] = 1.0
     way[FB : FB + 6] *= 10
-    way[VS : VS + 3] = x[3:6]
+    way[VS : VS + 3], way[TELLS] = x[3:6], LEARNT
     _read(x, way, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
     biases = [k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)]  # left out: over 70 ms they move nothing

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from estimators import magnet_setup, magnetometer_sphere
 from estimators import magnet_tracking as tracking
@@ -166,6 +167,46 @@ def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None
         track = tracking.tracked(PARAMS, *_made(m, seed))
         assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1)).all()
         assert (np.abs(track.lateness) < 4 * track.lateness_sd).all(), "no magnetometer is late"
+
+
+@cache
+def _slid(seed: int, away: float = 0.2) -> tuple[Motion, Setup, Track]:
+    """A hand that slides to and fro `away` m off without turning, its orientation at the start told 15 deg amiss."""
+    rng = np.random.default_rng([seed, 3])
+    m = sim.condition("hand", rng, 20.0)
+    fine = np.arange(-600, 10 * len(m.t) + 600) / 600.0
+    begun = np.clip(fine / 3.0 - 0.5, 0.0, 1.0)
+    swing = 0.4 * np.sin(2 * np.pi * rng.uniform(0.2, 0.3) * fine) * begun**3 * (10 - 15 * begun + 6 * begun**2)
+    toward = np.column_stack([np.zeros_like(fine), np.sin(swing), np.cos(swing)])
+    p = m.p[0, 0] + quat.rotate(m.q[0, 0], sim.PLATE.mean(axis=0) + away * toward)
+    path = make_interp_spline(fine, p, k=5)
+    at, rest = np.zeros(len(m.t), int), np.zeros((len(m.t), 1, 3))
+    p_t, a_t = path(m.t)[:, None], path.derivative(2)(m.t)[:, None]
+    m = Motion(m.t, np.concatenate([m.p[at, :1], p_t], axis=1), m.q[at], np.zeros_like(m.w), np.concatenate([rest, a_t], axis=1))
+    setup, readings = _made(m, seed)
+    axis = rng.normal(size=3)
+    setup = replace(setup, q_bt=quat.multiply(m.q_bt[0], quat.exp(np.radians(15.0) * axis / np.linalg.norm(axis))))
+    return m, setup, tracking.tracked(PARAMS, setup, readings)
+
+
+def test_where_a_hand_is_turned_to_is_told_gravity_knows_better() -> None:
+    """Its inclination at the first sample is its accelerometer's."""
+    for seed in range(20, 26):
+        m, _, track = _slid(seed)
+        up = [quat.rotate(quat.conjugate(quat.multiply(m.q[0, 0], q)), np.array([0.0, 0.0, 1.0])) for q in (track.q_bt[0], m.q_bt[0])]
+        assert np.degrees(np.arccos(up[0] @ up[1])) < 6.0
+
+
+def test_a_hand_that_slides_without_turning_does_not_stand_still() -> None:
+    """Its inertial sensor cannot tell the slide from rest, the magnet can; what is not told of lateness is not learnt."""
+    late = []
+    for seed in range(20, 28):
+        m, _, track = _slid(seed)
+        settled = m.t > 6.0
+        late.append(np.mean((track.lateness / track.lateness_sd)[settled] ** 2))
+        assert track.still[settled, 1].mean() < 0.4
+        assert (_off(m, track) < 4.0 * np.linalg.norm(track.p_sd, axis=1))[settled].all()
+    assert np.mean(late) < 2.5
 
 
 def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(both: tuple[Motion, Setup, Readings, Track]) -> None:
