@@ -143,12 +143,12 @@ def _resting(y: Array, gate: float) -> Array:
 def _smoothed(t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
     """Zero (n, 3) and variance (n,) of a random walk seen where it is used."""
     n = len(t)
-    x, p, ahead = np.zeros((n, 3)), np.empty(n), np.zeros(n)  # ahead: variance foretold
-    level, variance, before = np.zeros(3), 1e4, t[0] if n else 0.0
-    for k in range(n):
-        variance += drift * (t[k] - before)
-        ahead[k], before = variance, t[k]
-        if used[k]:
+    x, p, ahead = np.zeros((n, 3)), [0.0] * n, [0.0] * n  # ahead: variance foretold
+    level, variance, before = np.zeros(3), 1e4, float(t[0]) if n else 0.0
+    for k, (now, seen) in enumerate(zip(t.tolist(), used.tolist())):
+        variance += drift * (now - before)
+        ahead[k], before = variance, now
+        if seen:
             gain = variance / (variance + noise)
             level, variance = level + gain * (y[k] - level), (1 - gain) * variance
         x[k], p[k] = level, variance
@@ -156,4 +156,4 @@ def _smoothed(t: Array, y: Array, used: NDArray[np.bool_], noise: float, drift: 
         gain = p[k] / ahead[k + 1]
         x[k] += gain * (x[k + 1] - x[k])
         p[k] += gain**2 * (p[k + 1] - ahead[k + 1])
-    return x, p
+    return x, np.array(p)
