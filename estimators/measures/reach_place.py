@@ -41,7 +41,7 @@ KINDS = kinds(
     Kind("reach_trunk_turn", "rad", "mean of how far the trunk turns about the vertical from the beginning of a reach", LEVIN),
     Kind("reach_trunk_forward", "m", "mean of how far leaning has carried the trunk's sensor forward where a reach ends; of a rigid trunk that leans about the hips", LEVIN),
     Kind("reach_farthest", "m", "largest distance of the hand's sensor from the trunk's", "ours"),
-    Kind("reach_volume", "m^3", "volume of the convex hull of the hand's places, against the trunk", "ours"),
+    Kind("reach_volume", "m^3", "volume of the convex hull of the places through which the hand came in these reaches, against the trunk; not all that the arm could reach", "ours"),
     Kind("reach_signal", "dB", "median of the loudest magnetometer's reading over the earth's field; near 0 the magnet is hardly heard, or lies across the earth's field", "Kortier, thesis (5.23)"),
 )  # fmt: skip
 OF_EACH = ("distance", "way", "straightness", "hand_speed", "hand_sparc", "hand_ldlj", "trunk_lean", "trunk_turn", "trunk_forward")

@@ -22,7 +22,7 @@ IN_METRES = (  # rows of the reach that only a magnet gives
     "Lean of the trunk",
     "Turn of the trunk",
     "Trunk carried forward",
-    "Volume reached",
+    "Space these reaches passed through",
 )
 
 
