@@ -15,7 +15,7 @@ from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import SEGMENT, side_sign
 from estimators.quaternions import Array
 from estimators.self_calibration import first_guess, normal_equations, posterior, recordings, residuals, segments, solver
-from estimators.self_calibration.problem import Noise, chain, columns, posed, resized
+from estimators.self_calibration.problem import Noise, Z, chain, columns, mounted, posed, resized
 from estimators.self_calibration.segments import Segments
 from estimators.self_calibration.solver import Solution
 from estimators.simulation import artificial_finger
@@ -67,7 +67,7 @@ def measure(trial: Trial) -> Found:
     made = artificial_finger.recorded(np.random.default_rng([trial.seed, 4]), CONDITIONS[trial.condition], duration=DURATION)
     began = time.process_time()
     _, read = recordings.readings(list(made.blocks()), HINGED.sensors, 0.0, DURATION)
-    guess = first_guess.unknowns(HINGED, Noise(), read)
+    guess = first_guess.unknowns(HINGED, Noise(), read, mounted(HINGED, made.mounting, Z))
     found = solver.learnt(posed(HINGED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     seconds = time.process_time() - began
     told = segments.of_solution(found, made.hand, made.mounting)

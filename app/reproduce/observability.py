@@ -18,7 +18,7 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import side_sign
 from estimators.hand_geometry import HandGeometry
 from estimators.self_calibration import first_guess, recordings, segments, solver
-from estimators.self_calibration.problem import Chain, Noise, chain, columns, posed
+from estimators.self_calibration.problem import Chain, Noise, Z, chain, columns, mounted, posed
 from estimators.self_calibration.solver import Solution
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
@@ -98,7 +98,7 @@ def measure(trial: Trial) -> Found:
     links, rng = FINGERS[trial.finger], np.random.default_rng([trial.seed, 6])
     made, true = _recorded(trial, rng)
     _, read = recordings.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = first_guess.unknowns(links, Noise(), read)
+    guess = first_guess.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
     found = solver.learnt(posed(links, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     told = list(_told(found, made, true))
     sd = {name: _rms([s for n, s, _ in told if n == name]) for name in GOOD}

@@ -10,7 +10,21 @@ from scipy.sparse import coo_array, csr_array
 
 from estimators.quaternions import Array
 from estimators.self_calibration import first_guess, residuals, skin, solver
-from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, bent, chain, columns, moved, posed, tangents, tilted
+from estimators.self_calibration.problem import (
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    Z,
+    bent,
+    chain,
+    columns,
+    mounted,
+    moved,
+    posed,
+    tangents,
+    tilted,
+)
 from estimators.simulation import artificial_finger
 from estimators.simulation.sensors import IDEAL
 
@@ -24,7 +38,7 @@ def compared(duration: float) -> str:
     block = made.samples["imu"]
     sure = np.ones(block.values.shape[:2])
     read = Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
-    guess = first_guess.unknowns(LINKED, Noise(), read)
+    guess = first_guess.unknowns(LINKED, Noise(), read, mounted(LINKED, made.mounting, Z))
     problem = bent(posed(LINKED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     began = time.process_time()
     ours = solver.solve(problem, guess)

@@ -10,7 +10,7 @@ import numpy as np
 from estimators.hand_anatomy import CHAINS
 from estimators.hand_geometry import HandGeometry, HandMeasures, sized
 from estimators.self_calibration import first_guess, hand_solver, recordings, segments, solver
-from estimators.self_calibration.problem import Noise, chain, measured, posed
+from estimators.self_calibration.problem import Noise, Z, chain, measured, mounted, posed
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.simulation import free_movement
 from estimators.simulation.scenario import Simulated
@@ -47,7 +47,7 @@ def _person(seed: int) -> HandGeometry:
 def _alone(made: Simulated, finger: str) -> Solution:
     links = chain(("hand", *CHAINS[finger]))
     _, read = recordings.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = first_guess.unknowns(links, Noise(), read)
+    guess = first_guess.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
     return solver.learnt(measured(posed(links, Noise(), read, guess.q_GS[0], "left", made.mounting), made.geometry.lengths), guess)
 
 

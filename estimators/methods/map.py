@@ -27,7 +27,7 @@ from estimators.samples import Block, Recording
 from estimators.self_calibration import certainty, findings, first_guess, hand_solver, posterior, recordings, segments, solver, words
 from estimators.self_calibration.certainty import DRAWS
 from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import LIMBS, Chain, Noise, Readings, Unknowns, chain, columns, measured, posed
+from estimators.self_calibration.problem import LIMBS, Chain, Noise, Readings, Unknowns, Z, chain, columns, measured, mounted, posed
 from estimators.self_calibration.solver import Limits, Solution
 from estimators.trajectory import Flag, Trajectory
 
@@ -124,7 +124,7 @@ def _calibrated(
 ) -> Finger:
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     words.require_movement(params, finger, read)
-    guess = first_guess.unknowns(links, noise, read)
+    guess = first_guess.unknowns(links, noise, read, mounted(links, recording.mounting, Z))
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
     found = solver.learnt(
         problem,

@@ -1,9 +1,10 @@
 """A first guess from nothing but the readings: each sensor's fusion, then joint by joint the heading and the arms that make the accelerations meet.
 
-In      even readings of a chain's sensors
+In      even readings of a chain's sensors; about what the nominal mounting has each flex its segment
 Out     where the solver begins
 Source  orientations: VQF, offline variant, Laidig & Seel 2023; arms: linear least squares as Seel et al. 2012, IEEE MSC, 45, for each of many headings;
         axes of hinges: the pair of directions that stays together best, by SVD
+Limits  beside a sensor that does not turn one heading is as good as another: there the nominal mounting speaks
 """
 
 import numpy as np
@@ -16,14 +17,15 @@ from estimators.self_calibration.residuals import NUMEROV, SECOND_DIFFERENCE
 
 HEADINGS = 72
 EXPECTED = 0.05  # m, how far a joint usually is from a sensor
+MOUNTED = 0.05  # share of what accelerations are apart by which a heading square to the nominal one must be better; one that movement tells is better by far
 
 
-def unknowns(chain: Chain, noise: Noise, readings: Readings) -> Unknowns:
-    """Where to begin."""
+def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
+    """Where to begin; `flexing` (S, 3) is nominal, in the sensors' frames."""
     q_GS, bias = fused(readings)
     far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j))
+        heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
         q_GS[:, j] = quat.headed(q_GS[:, j], heading)
     pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
     axes = np.array(pairs).reshape(-1, 2, 3)
@@ -42,15 +44,15 @@ def fused(readings: Readings) -> tuple[Array, Array]:
     return q_GS, bias
 
 
-def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int) -> tuple[float, Array, Array]:
+def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array) -> tuple[float, Array, Array]:
     """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both."""
     (A_i, f_i), (A_j, f_j) = (_swung(readings, q_GS[:, s], s) for s in (i, j))
     M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))  # (n-2, 3, 4): by the arm, and without it
     own = [np.einsum("tia,tib->ab", M, M) for M in (M_i, M_j)]
-    upright, level, across = (
-        np.einsum("tia,ij,tjb->ab", M_i, turn, M_j)
-        for turn in (np.diag([0.0, 0, 1]), np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]))
-    )
+    turns = np.diag([0.0, 0, 1]), np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
+    upright, level, across = (np.einsum("tia,ij,tjb->ab", M_i, turn, M_j) for turn in turns)
+    z_i, z_j = (quat.rotate(q_GS[:, s], flexing[s]) for s in (i, j))
+    alike = [float(np.einsum("ta,ab,tb->t", z_i, turn, z_j).mean()) for turn in turns]
     best = (np.inf, 0.0, np.zeros(6))
     ridge = (noise.acc / EXPECTED) ** 2 * np.eye(6)
     for heading in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
@@ -59,7 +61,9 @@ def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int) -> tuple[
         arms, rest = [0, 1, 2, 4, 5, 6], [3, 7]
         right = whole[np.ix_(arms, rest)].sum(axis=1)
         found = -np.linalg.solve(whole[np.ix_(arms, arms)] + ridge, right)
-        best = min(best, (float(whole[np.ix_(rest, rest)].sum() + right @ found), float(heading), found), key=lambda b: b[0])
+        off = 1 - (alike[0] + np.cos(heading) * alike[1] + np.sin(heading) * alike[2])
+        apart = float(whole[np.ix_(rest, rest)].sum() + right @ found) * (1 + MOUNTED * off)
+        best = min(best, (apart, float(heading), found), key=lambda b: b[0])
     return best[1], best[2][:3], best[2][3:]
 
 

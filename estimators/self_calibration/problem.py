@@ -22,6 +22,7 @@ from estimators.quaternions import Array
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
 LIMBS = {**CHAINS, "forearm": ("forearm",)}  # what hangs on the hand with a joint of its own, segments from there on
+Z = np.array([0.0, 0.0, 1.0])  # of a segment: about what it flexes
 TILTING = 1e-5  # rad, between axes whose difference is a derivative
 RESTING_GYR, RESTING_ACC = (
     0.3,
@@ -233,7 +234,6 @@ def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: 
 def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Hand, mounting: Mapping[str, Array]) -> Problem:
     """The problem of these readings; orientations begin near `start` (S, 4); `mounting` is the nominal one, q_BS by segment."""
     bias_told, bias_sd = at_rest(noise, readings)
-    to_sensor = quat.conjugate(quat.normalize(np.array([mounting.get(s, quat.IDENTITY) for s in chain.sensors], float)))
     w, dt = readings.gyr, readings.dt
     between = dt * readings.gyr_doubt
     return Problem(
@@ -246,8 +246,8 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Ha
         noise.gyr * np.sqrt(0.5 * (between[1:] ** 2 + between[:-1] ** 2)),
         noise.acc * readings.acc_doubt,
         start,
-        quat.rotate(to_sensor, side_sign(hand) * np.array([0.0, 1.0, 0.0])),
-        quat.rotate(to_sensor, np.array([0.0, 0.0, 1.0])),
+        side_sign(hand) * mounted(chain, mounting, np.array([0.0, 1.0, 0.0])),
+        mounted(chain, mounting, Z),
         bias_told,
         bias_sd,
         np.zeros((len(readings), len(chain.joints))),
@@ -257,6 +257,12 @@ def posed(chain: Chain, noise: Noise, readings: Readings, start: Array, hand: Ha
         np.full(len(chain.sensors), np.nan),
         np.full(len(chain.sensors), 1e-3 * noise.length),
     )
+
+
+def mounted(chain: Chain, mounting: Mapping[str, Array], axis: Array) -> Array:
+    """An axis (3,) of the segments in the frames of their sensors (S, 3), as the nominal mounting has it."""
+    q_BS = quat.normalize(np.array([mounting.get(s, quat.IDENTITY) for s in chain.sensors], float))
+    return quat.rotate(quat.conjugate(q_BS), axis)
 
 
 def measured(problem: Problem, lengths: Mapping[str, float]) -> Problem:

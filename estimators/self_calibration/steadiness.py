@@ -57,7 +57,7 @@ def _half(found: Solution, first: int, stop: int) -> Solution:
 def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
     """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
     own = Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
-    guess = first_guess.unknowns(whole.chain, Noise(), own)
+    guess = first_guess.unknowns(whole.chain, Noise(), own, whole.flexing)
     part = posed(whole.chain, Noise(), own, guess.q_GS[0], "left", {})  # what depends on hand and mounting is known already
     return _asked(replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length), guess, AFRESH)
 

@@ -14,7 +14,7 @@ from estimators.quaternions import Array
 from estimators.samples import Block
 from estimators.self_calibration import first_guess, recordings
 from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, posed
+from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, Z, chain, mounted, posed
 from estimators.simulation import artificial_finger
 from estimators.simulation.artificial_finger import SEGMENTS
 from estimators.simulation.motion import COORDINATES
@@ -61,7 +61,7 @@ def readings(recording: Simulated) -> Readings:
 def cold(recording: Simulated, noise: Noise | None = None, read: Readings | None = None) -> tuple[Problem, Unknowns]:
     """The problem and where the solver begins from nothing; `read`: other readings of the same finger."""
     noise, read = noise or Noise(), read or readings(recording)
-    guess = first_guess.unknowns(HINGED, noise, read)
+    guess = first_guess.unknowns(HINGED, noise, read, mounted(HINGED, recording.mounting, Z))
     return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
 
 
