@@ -2,7 +2,7 @@
 
 In      a Problem, a place, how far each acceleration is off there (posterior.strange)
 Out     Knocks: which accelerations and turns are not to be believed, and how little; Jolt: which sensor it was, and when
-Source  ours; weights where it lasts: Huber's loss
+Source  ours; weights of accelerations where it lasts: Huber's loss; squared of the worst turn, 3 deg that never were still pulled by 4 of 0.7 deg
 Limits  in a brief knock neither accelerometer nor gyroscope is believed; where it lasts accelerometers say how the sensor turned
 """
 
@@ -66,9 +66,14 @@ def looked(before: Knocks, off: Array, limit: float, dt: float) -> Knocks:
 
 
 def turn_doubt(knocks: Knocks, base: Problem, at: Unknowns, limit: float) -> Array:
-    """Factors on the errors of turns (n-1, S): fresh ones are open, of the others those that fit are believed again. `base` has the gyroscopes' errors as they were believed first."""
+    """Factors on the errors of turns (n-1, S): fresh ones are open, of the others those that fit are believed again; the worst of a moment pulls less the further it is off.
+
+    `base` has the gyroscopes' errors as they were believed first.
+    """
     off = np.where(knocks.knocked[:, None], posterior.strange_turns(base, at), 0.0)
-    return np.where(knocks.fresh[:, None], OPENED, np.maximum(off / limit, 1.0))
+    doubt = np.maximum(off / limit, 1.0)
+    worst = off == off.max(axis=1, keepdims=True)
+    return np.where(knocks.fresh[:, None], OPENED, np.where(worst, doubt**2, doubt))
 
 
 def jolts(knocks: Knocks, base: Problem, at: Unknowns, off: Array) -> tuple[Jolt, ...]:
