@@ -24,8 +24,8 @@ AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best o
 STRAIGHT = (
     0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
 )
-FIRST = 12  # rounds before errors of the magnetometers' places count
-SAME, KEPT = 1e-3, 8  # m between places that are the same; places of a reading that are improved once those errors count
+FIRST = 12  # rounds of all starts, where errors of the magnetometers' places count
+SAME, KEPT = 1e-3, 8  # m between places that are the same; places of a reading that are improved further
 PIECE = 4096  # readings at once
 
 
@@ -86,7 +86,7 @@ def located(
 
 
 def _apart(x: Array, cost: Array) -> tuple[Array, Array, int]:
-    """Of the places that starts (n, many, 9) led to those with the lowest cost, each once, the best one first; how many of each reading."""
+    """Of the places that starts (n, many, 9) led to those with the lowest cost, each once; how many of each reading."""
     order = cost.argsort(axis=1)
     x, cost = np.take_along_axis(x, order[..., None], axis=1), np.take_along_axis(cost, order, axis=1)
     near = np.linalg.norm(x[:, :, None, :3] - x[:, None, :, :3], axis=-1) < SAME
@@ -110,7 +110,9 @@ def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Ar
     x, cost = improved(begun.reshape(n * many, 9), told.repeated(many), ROUNDS if place_sd == 0 else FIRST)
     if place_sd > 0:
         x, cost, many = _apart(x.reshape(n, many, 9), cost.reshape(n, many))
-        told = replace(told, louder=by_places(x[::many], told, place_sd))
+        x, cost = improved(x, told.repeated(many))
+        best = np.arange(n) * many + cost.reshape(n, many).argmin(axis=1)
+        told = replace(told, louder=by_places(x[best], told, place_sd))
         x, cost = improved(x, told.repeated(many))
     cost = cost.reshape(n, many)
     best = np.arange(n) * many + cost.argmin(axis=1)

@@ -74,10 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         told += _calibrated(array, found)
     else:
         left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
-        told.append(
-            f"not calibrated: iron on the board and turned chips are not seen, {1e6 * left:.2g} uT an axis are counted for them; record the array turned by hand "
-            "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"
-        )
+        told += [] if array.calibration_sd is not None else [_not_calibrated(left)]
     left = max(left, 1e-8)
     told += _slow(read)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
@@ -120,6 +117,13 @@ def _read(path: Path, array: Described) -> Read:
 def _gain_counted(located: Located, size_sd: float) -> Located:
     """Moments are no better known than the chips' gain."""
     return replace(located, moment_sd=np.hypot(located.moment_sd, size_sd * located.moment))
+
+
+def _not_calibrated(left: float) -> str:
+    return (
+        f"not calibrated: iron on the board and turned chips are not seen, {1e6 * left:.2g} uT an axis are counted for them; record the array turned by hand "
+        "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"
+    )
 
 
 def _calibrated(array: Described, found: Turned) -> list[str]:
