@@ -133,7 +133,9 @@ def _calibrated(
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
     words.require_one_minimum(params, finger, read, found, float(t[0]))
-    return _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
+    described = _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
+    words.require_possible(described)
+    return described
 
 
 def _together(

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from estimators import joint_angles
 from estimators import quaternions as quat
 from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS
+from estimators.hand_anatomy import CHAINS, JOINT, JOINTS, LIMITS
 from estimators.self_calibration import findings, residuals, steadiness
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import LIMBS, Problem, Readings
@@ -23,6 +24,8 @@ LEFT_OUT = 3.0  # s of a recording that are not worth a word
 LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
+LIVELY = 100.0  # deg/s, of a finger's last sensor: slower ones were refused at 40
+BEYOND = 45.0  # deg out of a joint's range: no loose glove
 ROUND = 90.0  # deg by which a sensor that was put on the other way round is off at least
 MOMENT = 0.15  # s: knocks that lie closer are one
 OFTEN = 0.5  # knocks in a second, beyond which a person should do something about them
@@ -115,7 +118,25 @@ def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Soluti
             raise InputError(
                 f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
             )
-        raise InputError(f"{finger}: the calibration did not come to an end; record 40 s of free movement again; it is not calibrated")
+        turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
+        raise InputError(
+            f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {LIVELY:g} and more do well);"
+            " move hand and fingers through their whole range and in all directions, for 40 s, and record again; it is not calibrated"
+        )
+
+
+def require_possible(finger: Finger) -> None:
+    """InputError where a joint would be bent as none can: the hand's sensor, or the last phalanx', does not sit as it is said to."""
+    for joint in finger.solution.problem.chain.joints:
+        about, q_GB = JOINTS[JOINT[joint]], finger.segments.q_GB
+        angles, limits = joint_angles.decompose(quat.relative(q_GB[about.parent], q_GB[about.child])), LIMITS[JOINT[joint]]
+        beyond = float(np.degrees(np.median(np.maximum(limits[:, 0] - angles, angles - limits[:, 1]).max(axis=1))))
+        if beyond > BEYOND:
+            name = about.child if about.parent not in ("hand", "forearm") else about.parent
+            raise InputError(
+                f"{finger.name}: as the sensor of {name} is said to sit, {joint} would be bent {beyond:.0f} deg farther than it can: it was put on the other way round, another one is there,"
+                " or it is the other hand; put it on as the glove's mounting says, and record again; it is not calibrated"
+            )
 
 
 def _require_calm(finger: str, found: Solution, begun: float) -> None:

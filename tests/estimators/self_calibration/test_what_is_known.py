@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estimators import quaternions as quat
+from estimators.errors import InputError
 from estimators.quaternions import Array
 from estimators.self_calibration import certainty, segments, solver, words
 from estimators.self_calibration.findings import Finger
@@ -70,6 +71,15 @@ def test_a_sensor_put_on_the_other_way_round_is_seated_by_its_bone_and_its_neigh
     (said,) = words._reversed(worn)
     assert said.startswith(f"the sensor of {name} sits 1")
     assert words._reversed(replace(worn, solution=solved, segments=told)) == []
+
+
+def test_a_hand_whose_sensor_sits_the_other_way_round_is_refused(solved: Solution) -> None:
+    told = segments.of_solution(solved, "left", recorded(1, 16.0).mounting)
+    words.require_possible(Finger("index", np.zeros(1), solved, told, None))  # type: ignore[arg-type]
+    for axis in range(3):
+        turned = {**told.q_GB, "hand": quat.multiply(told.q_GB["hand"], quat.about(axis, np.pi))}
+        with pytest.raises(InputError, match="as the sensor of hand is said to sit, index_mcp would be bent"):
+            words.require_possible(Finger("index", np.zeros(1), solved, replace(told, q_GB=turned), None))  # type: ignore[arg-type]
 
 
 def _mounted_otherwise(problem: Problem, q: Array) -> Problem:
