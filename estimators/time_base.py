@@ -23,6 +23,7 @@ from estimators.sensor_fusion import Oriented
 from estimators.trajectory import Flag
 
 Places = slice | NDArray[np.intp]
+SCATTERS = 4.0  # standard deviations of steps between samples that no jitter makes
 NOTICED = 1e-3  # of the rate: over a turn of 90 deg it makes a tenth of a degree
 
 
@@ -98,18 +99,26 @@ def drained(
 def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
     """Rates (Hz) by stream at which samples come, where they differ from the named ones by more than NOTICED; one block a stream, at least a second.
 
-    A line through the samples' times against their numbers: jitter hardly turns it, and missing samples are counted by the named period.
+    A line through the samples' times against their numbers: jitter hardly turns it, and missing samples are counted by the named period where a step is longer than jitter makes it.
     """
     found = {}
     for block in blocks:
         rate, t = block.stream.rate, block.t
         if block.stream.inertial and len(t) > max(10.0, rate) and t[-1] - t[0] > 1.0:
             steps = np.diff(t) * rate
-            numbers = np.concatenate([[0.0], np.cumsum(np.rint(steps))]) if 0.8 < np.median(steps) < 1.25 else np.arange(len(t))
+            numbers = np.arange(len(t), dtype=float)
+            if 0.8 < np.median(steps) < 1.25:
+                numbers[1:] += np.cumsum(_left_out(steps))
             measured = float(1.0 / np.polynomial.polynomial.polyfit(numbers, t - t[0], 1)[1])
             if abs(measured / rate - 1.0) > NOTICED:
                 found[block.stream.name] = measured
     return found
+
+
+def _left_out(steps: Array) -> Array:
+    """Samples missing before each step's end, of steps (n,) in periods."""
+    scatter = float(np.median(steps) - np.quantile(steps, 0.16))  # of the shorter ones: what is missing makes none of them
+    return np.where(steps > 1.0 + max(0.5, SCATTERS * scatter), np.rint(steps) - 1.0, 0.0)
 
 
 def join(pieces: list[Rows]) -> Rows:
