@@ -19,7 +19,7 @@ from estimators.errors import InputError
 from estimators.force.setup import Channel
 from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
-from sessions.array_cells import MISSING, lines_of
+from sessions.array_cells import MISSING, is_number, lines_of
 from sessions.motion_bids.reader import TORQUES
 
 HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]+)\]$")
@@ -31,7 +31,9 @@ UNITS = {
     "torque": TORQUES,
 }
 DIRECTIONS: dict[str, Array] = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in "+-"}
+MINUS = "\N{MINUS SIGN}"  # as word processors write it
 LARGEST = 2**24  # bytes of a table
+SEPARATED = "leave a cell empty where nothing is told, and separate columns by semicolons where numbers have decimal commas"
 HOW = "tell loads as mass [g] with down, or as force_x [N], force_y [N], force_z [N]"
 
 
@@ -57,6 +59,7 @@ def load_table(path: Path, gravity: float) -> LoadTable:
     columns = _Columns(path.name, found[0][1], found[1:])
     loads = _of_weights(columns, gravity) if "mass" in columns.names or "down" in columns.names else _of_forces(columns)
     channels = columns.channels()
+    columns.require_enough(channels, loads.shape[1])
     raw = np.stack([columns.numbers(c.name) for c in channels], axis=1)
     return LoadTable(channels, raw, loads, tuple(number for number, _ in found[1:]), "acc_x" in columns.names)
 
@@ -73,7 +76,7 @@ class _Columns:
             raise InputError(f"{file}: two columns have the same name")
         for number, cells in rows:
             if len(cells) != len(header):
-                raise InputError(f"{file}, line {number}: {len(cells)} columns, where the header names {len(header)}")
+                raise InputError(f"{file}, line {number}: {len(cells)} columns, where the header names {len(header)}; {SEPARATED}")
 
     def channels(self) -> tuple[Channel, ...]:
         """Columns with a unit that tell no load."""
@@ -81,6 +84,16 @@ class _Columns:
         if not own:
             raise InputError(f"{self.file} has no channels of the sensor; name their columns with a unit, such as f1 [V]")
         return tuple(Channel(name, self.units[name]) for name in own)
+
+    def require_enough(self, channels: Sequence[Channel], axes: int) -> None:
+        """InputError where a column that lacks its unit may be the channel that is missing."""
+        nameless = [name for name in self.names if name not in self.units and name not in _LOADS]
+        readings = [name for name in nameless if name and all(is_number(cell) for _, cell in self.words(name))]
+        readings = [name for name in readings if np.isfinite(self.numbers(name)).any()]
+        if len(channels) < axes and readings:
+            raise InputError(
+                f"{self.file}: {len(channels)} channels with a unit cannot tell {axes} axes; if {readings[0]} is a channel, write its unit behind it, such as {readings[0]} [{channels[0].units}]"
+            )
 
     def numbers(self, name: str, factor: float = 1.0) -> Array:
         """(n,); NaN where nothing is told."""
@@ -147,7 +160,7 @@ def _down(columns: _Columns) -> Array:
 
 
 def _direction(where: str, word: str) -> Array:
-    word = word.lower()
+    word = word.lower().replace(MINUS, "-")
     if word in MISSING or word == "-":
         return np.full(3, np.nan)
     found: Array | None = DIRECTIONS.get(word if word[0] in "+-" else f"+{word}")
@@ -167,9 +180,9 @@ def _number(where: str, name: str, cell: str) -> float:
     if cell.lower() in MISSING:
         return float("nan")
     try:
-        value = float(cell)
+        value = float(cell.replace(MINUS, "-"))
     except ValueError:
-        raise InputError(f"{where}: {name} is {cell!r}, which is no number") from None
+        raise InputError(f"{where}: {name} is {cell!r}, which is no number; write the number alone, or leave the cell empty") from None
     if not np.isfinite(value):
         raise InputError(f"{where}: {name} is {cell!r}; it is a finite number, or empty where it is missing")
     return value

@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     params = with_options(SolveParams, parse(arguments.option))
     before = _before(arguments.out) if arguments.out else {}
     table = load_table(arguments.table, params.gravity)
-    solved = solve(params, table.raw, table.loads)
+    solved = solve(params, table.raw, table.loads, [f"line {line}" for line in table.lines])
     for line in _told(table, solved):
         say(line)
     if arguments.out:
@@ -66,6 +66,9 @@ def _told(table: LoadTable, s: Solved) -> list[str]:
     axes = AXES[: len(s.left)]
     left = "; ".join(f"{name} {_size(value, name)}" for name, value in zip(axes, s.left))
     lines = [f"{counted(s.used, 'load')} up to {s.heaviest:.3g} N by {counted(len(table.channels), 'channel')}; left over: {left}"]
+    for line, raw, load in zip(table.lines, table.raw, table.loads):
+        if not (np.isfinite(raw).all() and np.isfinite(load).all()):
+            lines.append(f"line {line} was passed over: a reading or the load is missing in it")
     for row in s.left_out:
         load = ", ".join(f"{value:.3g}" for value in table.loads[row])
         lines.append(f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again")

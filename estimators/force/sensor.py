@@ -7,6 +7,7 @@ Source  Kortier, thesis 6.2: channels of a six-axis sensor; least squares with e
 Limits  linear: what is not (hysteresis, temperature, saturation) stays in the residuals, and they count as an error of the scale
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,8 +73,8 @@ class Solved:
     turn_sd: float  # rad about each axis, by which the frame of the loads may be missed where an accelerometer told their directions
 
 
-def solve(params: SolveParams, raw: Array, loads: Array) -> Solved:
-    """By least squares, without loads that do not belong; InputError where the loads do not tell the matrix."""
+def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = ()) -> Solved:
+    """By least squares, without loads that do not belong; InputError where the loads do not tell the matrix, with the loads' names where they have some."""
     if raw.ndim != 2 or loads.ndim != 2 or len(raw) != len(loads) or loads.shape[1] not in (3, 6):
         raise InputError(
             f"readings {raw.shape} and loads {loads.shape} do not belong together; give (n, k) readings and (n, 3) N or (n, 6) loads"
@@ -84,9 +85,8 @@ def solve(params: SolveParams, raw: Array, loads: Array) -> Solved:
     left_out: list[int] = []
     while len(left_out) < most and len(strange := _strangers(params.chance, raw[rows], loads[rows])):
         if len(strange) > 1:
-            raise InputError(
-                f"loads {' and '.join(str(1 + rows[k]) for k in sorted(strange[:2]))} of the table contradict each other; look at both, directions and signs first"
-            )
+            both = " and ".join(names[rows[k]] if names else f"load {1 + rows[k]}" for k in sorted(strange[:2]))
+            raise InputError(f"{both} of the table contradict each other; look at both, directions and signs first")
         left_out.append(int(rows[strange[0]]))
         rows = np.delete(rows, strange[0])
         _require(raw[rows], loads[rows])

@@ -72,6 +72,13 @@ def raw_dataset(setup: dict[str, object], unit: str = "V") -> Files:
     return files
 
 
+def test_a_row_in_which_something_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path, table().replace(",500,-z,", ",,-z,")) == 0
+    said = capsys.readouterr().out
+    assert "12 loads" in said
+    assert "line 14 was passed over: a reading or the load is missing in it" in said
+
+
 def test_a_table_with_decimal_commas_and_one_with_forces_tell_the_same(tmp_path: Path) -> None:
     found = []
     as_forces = [line.split(",") for line in table().splitlines()[1:]]
@@ -142,10 +149,12 @@ def _swapped(old: str, new: str) -> Callable[[str], str]:
         (_swapped("down", "place"), "does not say where down was"),
         (_swapped("+y", "left"), "line 5: down is 'left'; it is +x"),
         (_swapped("f2 [V]", "f1 [V]"), "two columns have the same name"),
+        (_swapped("f2 [V]", "f2"), "if f2 is a channel, write its unit behind it, such as f2 [V]"),
+        (_swapped(",-", ",\N{MINUS SIGN}"), ""),
         (_swapped(" [V]", ""), "has no channels of the sensor"),
-        (_swapped("200,+x", "200"), "line 3: 5 columns, where the header names 6"),
-        (_swapped("500,-z", "heavy,-z"), "line 14: mass is 'heavy', which is no number"),
-        (_swapped("-z", "+z"), "of the table contradict each other; look at both"),
+        (_swapped("200,+x", "200"), "line 3: 5 columns, where the header names 6; leave a cell empty"),
+        (_swapped("500,-z", "heavy,-z"), "line 14: mass is 'heavy', which is no number; write the number alone"),
+        (_swapped("-z", "+z"), "line 13 and line 14 of the table contradict each other; look at both"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_one_sentence(
