@@ -243,7 +243,11 @@ def _refuse_two_hands(point: str, system: System) -> None:
 def _factor(system: System, channel: dict[str, str], kind: str) -> float:
     known = UNITS[kind]
     if channel["units"] not in known:
-        shown = [*list(known)[:2], *(list(TORQUES)[:1] if kind == "MISC" else [])]
+        if kind == "MISC":
+            raise InputError(
+                f"tracksys-{system.name}: channel {channel['name']} has the unit {channel['units']!r}, no force's and no torque's; write N or N*m, or tell what the raw channel means by a ForceSetup from `handscope calibrate-force`"
+            )
+        shown = list(known)[:2]
         raise InputError(
             f"tracksys-{system.name}: channel {channel['name']} has the unknown unit {channel['units']!r}; {kind} is given in {' or '.join(shown)}"
         )

@@ -82,7 +82,10 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "an unknown unit of rate": (_channels("index", "rad/s", "rpm"), "tracksys-index.*'rpm'.*rad/s or deg/s"),
     "an unknown unit of acceleration": (_channels("index", "m/s^2", "g"), "tracksys-index.*'g'.*m/s"),
     "an unknown unit of a magnetometer": (_channels("mag", "\tT\t", "\tGauss\t"), "tracksys-mag.*'Gauss'.*T or uT"),
-    "an unknown unit of force": (_channels("force", "\tN\t", "\tkg\t"), "tracksys-force.*'kg'.*N"),
+    "an unknown unit of force": (
+        _channels("force", "\tN\t", "\tkg\t"),
+        "tracksys-force.*'kg'.*N or N\\*m, or tell.*ForceSetup from `handscope calibrate-force`",
+    ),
     "an unknown unit of torque": (_channels("force", "\tN*m\t", "\tkgf*cm\t"), "tracksys-force.*'kgf\\*cm'.*N or N\\*m"),
     "an unknown unit of time": (_channels("hand", "\ts\t", "\tms\t"), "tracksys-hand.*'ms'.*s"),
     "no unit": (_channels("index", "rad/s", "n/a"), "tracksys-index.*'n/a'"),
