@@ -79,6 +79,10 @@ def _described(told: Mapping[str, Any]) -> Described:
         raise InputError(
             "`columns` of the whole array are those of rows of one magnetometer each: tell `sensor`, the column that says whose, too."
         )
+    if sensor is not None and (own := [name for name, one in each.items() if "columns" in one]):
+        raise InputError(
+            f"Magnetometer {own[0]!r} has `columns` of its own, and every row is one magnetometer's, as `sensor` says: tell `columns` once, beside `sensor`."
+        )
     alike = {} if sensor is None else dict.fromkeys(each, _columns("the array", told.get("columns", ["x", "y", "z"])))
     return Described(
         unit if isinstance(unit, str) else _finite(unit, "unit"),

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,7 +191,12 @@ def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path
     np.testing.assert_allclose(read.t, [0, 0.5])
     np.testing.assert_array_equal(read.readings["Sensor 1"], [[1.5, 2, -3], [7, 8, 9]])
     np.testing.assert_array_equal(read.readings["Sensor 2"], [[4, 5, 6], [np.nan] * 3])
-    told = {"unit": "uT", "sensor": "id", "columns": ["Bx", "By", "Bz"], "magnetometers": {k: {"place": [int(k), 0, 0]} for k in "12"}}
+    told: dict[str, Any] = {
+        "unit": "uT",
+        "sensor": "id",
+        "columns": ["Bx", "By", "Bz"],
+        "magnetometers": {k: {"place": [int(k), 0, 0]} for k in "12"},
+    }
     (tmp_path / "b.json").write_text(json.dumps(told))
     (tmp_path / "b.csv").write_text(
         "id,Bx,By,Bz,t,note\n1.0,1,2,3,10,a\n2.0,4,5,6,10.1,a\n3.0,0,0,0,9,a\n1.0,7,8,9,11,b\n2.0,1,1,1,11.1,b\n"
@@ -205,6 +211,10 @@ def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path
         (tmp_path / "b.csv").write_text(f"id,Bx,By,Bz,t\n{rows}\n")
         with pytest.raises(InputError, match=words):
             array_table.table(tmp_path / "b.csv", described(tmp_path / "b.json"))
+    told["magnetometers"]["2"]["columns"] = ["Bx", "By", "Bz"]
+    (tmp_path / "b.json").write_text(json.dumps(told))
+    with pytest.raises(InputError, match=r"'2' has `columns` of its own.*tell `columns` once"):
+        described(tmp_path / "b.json")
 
 
 def test_magnetometers_alone_are_a_motion_bids_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
