@@ -1,6 +1,7 @@
 """The command line: `handscope VERB ...`. A user's mistake is one line on standard error and exit code 2."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -50,6 +51,9 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _done(words: Sequence[str] | None) -> int:
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # matrices are small: more threads wait for each other three times as long as they reckon
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"handscope {software_version()}")

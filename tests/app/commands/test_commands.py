@@ -1,7 +1,9 @@
 """The command line as a person uses it: what it writes, what it says, how it ends."""
 
 import argparse
+import ast
 import json
+import os
 import subprocess
 import sys
 from importlib import import_module
@@ -219,6 +221,14 @@ def test_the_command_line_starts_as_a_program() -> None:
         [sys.executable, "-m", "app.cli", "process", "nothere", "--out", "x"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+
+
+def test_a_command_reckons_in_one_thread_unless_told_otherwise() -> None:
+    """Matrices are small: a whole hand's self-calibration took more than five minutes by two threads, and two by one."""
+    command = "from app.cli import main; main(['process', 'nothere', '--out', 'x']); import numpy, threadpoolctl; print([p['num_threads'] for p in threadpoolctl.threadpool_info()])"
+    alone = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, env=alone)
+    assert set(ast.literal_eval(done.stdout)) == {1}
 
 
 def test_export_writes_the_movement_as_one_page(simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
