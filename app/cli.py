@@ -51,9 +51,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _done(words: Sequence[str] | None) -> int:
-    os.environ.setdefault(
-        "OPENBLAS_NUM_THREADS", "1"
-    )  # matrices are small: more threads wait for each other three times as long as they reckon
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: more threads wait for each other
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"handscope {software_version()}")
