@@ -6,6 +6,8 @@ Out     lines with their numbers, numbers of cells
 
 import csv
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TextIO
 
 from estimators.errors import InputError
@@ -16,7 +18,18 @@ BRACKETS = {"(": ")", "[": "]"}  # around a cell of three
 Line = tuple[int, list[str]]  # its number and its cells
 
 
-def lines_of(file: TextIO) -> Iterator[Line]:
+@contextmanager
+def lines_in(path: Path, largest: int, instead: str) -> Iterator[Iterator[Line]]:
+    """Lines of a file; InputError where there is none, or it has more than `largest` bytes: `instead` says how much that is and what to do."""
+    if not path.is_file():
+        raise InputError(f"{path} is not a file")
+    if path.stat().st_size > largest:
+        raise InputError(f"{path.name} is larger than {instead}")
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
+        yield _lines_of(file)
+
+
+def _lines_of(file: TextIO) -> Iterator[Line]:
     """Cells of every line that is neither empty nor a comment."""
     mark: str | None = None
     for number, line in enumerate(file, 1):

@@ -16,7 +16,7 @@ import numpy as np
 
 from estimators.errors import InputError
 from estimators.quaternions import Array
-from sessions.array_cells import MISSING, Line, is_number, lines_of, number_in, opened, spread, without_end
+from sessions.array_cells import MISSING, Line, is_number, lines_in, number_in, opened, spread, without_end
 from sessions.array_description import ISO, Column, Described, Timing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
@@ -49,12 +49,7 @@ class Columns:
 
 def table(path: Path, told: Described) -> Table:
     """Read the columns of the array's magnetometers; InputError names the file, the line and what to do."""
-    if not path.is_file():
-        raise InputError(f"{path} is not a file")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path.name} is larger than 1 GB: cut it into pieces")
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
-        lines = lines_of(file)
+    with lines_in(path, LARGEST, "1 GB: cut it into pieces") as lines:
         first = next(lines, None)
         if first is None:
             raise InputError(f"{path.name} holds no readings")

@@ -19,7 +19,7 @@ from estimators.errors import InputError
 from estimators.force.setup import Channel
 from estimators.gravity import GRAVITY
 from estimators.quaternions import Array
-from sessions.array_cells import MISSING, is_number, lines_of
+from sessions.array_cells import MISSING, is_number, lines_in
 from sessions.motion_bids.reader import TORQUES
 
 HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]+)\]$")
@@ -48,12 +48,8 @@ class LoadTable:
 
 def load_table(path: Path, gravity: float) -> LoadTable:
     """Read a table; InputError names the file, the line and what to do."""
-    if not path.is_file():
-        raise InputError(f"{path} is not a file")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path.name} is larger than 16 MB: give one row a load")
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
-        found = list(lines_of(file))
+    with lines_in(path, LARGEST, "16 MB: give one row a load") as lines:
+        found = list(lines)
     if len(found) < 2:
         raise InputError(f"{path.name} holds no loads; its first line names the columns, then comes one row a load")
     columns = _Columns(path.name, found[0][1], found[1:])

@@ -15,6 +15,7 @@ COMMAND_LINE = (
         "app/qualisys.py",
         "app/reproduce",
         "sessions/array_description.py",
+        "sessions/array_cells.py",
         "sessions/array_table.py",
         "sessions/backup.py",
         "sessions/c3d.py",
