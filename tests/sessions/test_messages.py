@@ -20,6 +20,11 @@ TEXT = st.text(max_size=60)
 PAIRS = st.dictionaries(TEXT, TEXT, max_size=4)
 
 
+def reals(many: int) -> st.SearchStrategy[tuple[float, ...]]:
+    """Named shortly: a rejected number names all strategies, and beyond 30 kB that is a warning, and so a failure."""
+    return st.lists(REAL, min_size=many, max_size=many).map(tuple)
+
+
 @st.composite
 def strips(draw: st.DrawFn) -> wire.Strip:
     points = tuple(draw(st.lists(st.sampled_from(TRACKED_POINTS), max_size=4)))
@@ -40,10 +45,10 @@ def stream_infos(draw: st.DrawFn) -> wire.StreamInfo:
 
 def force_told(axes: int) -> st.SearchStrategy[ForceTold]:
     share = st.floats(0, 0.5, width=32)
-    return st.builds(ForceTold, BYTE, BYTE, share, st.none() | share, st.tuples(*axes * [REAL]), st.tuples(*axes * axes * [REAL]))
+    return st.builds(ForceTold, BYTE, BYTE, share, st.none() | share, reals(axes), reals(axes * axes))
 
 
-CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, st.tuples(*9 * [REAL]), st.tuples(*27 * [REAL]))
+CALIBRATIONS = st.builds(wire.StripCalibration, BYTE, BYTE, reals(9), reals(27))
 THREE = st.tuples(REAL, REAL, REAL)
 PLATES = st.builds(Plate, st.dictionaries(st.sampled_from(TRACKED_POINTS), THREE, max_size=4), THREE, THREE, REAL, st.none() | REAL)
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {
