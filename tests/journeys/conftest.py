@@ -14,13 +14,17 @@ from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, sh
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = ("WebGL", "GPU stall", "THREE.Clock", "GL Driver")  # what a browser without a graphics card says of the scene
-COARSE = 1 if shots() else 0.5  # pictures' points a CSS pixel on pages with the scene: a quarter of the work of drawing it
+PICTURE = 1000 if shots() else 200  # ms between two pictures of the scene once the hand stands in it
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
   const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
-  window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), 1000) : draws(draw));
+  window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), PICTURE) : draws(draw));
   window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
-"""  # a picture a second once the hand stands in the scene: without a graphics card each takes half a second of both cores
+""".replace("PICTURE", str(PICTURE))
+UNDRAWN = """
+  for (const drawing of ["drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced", "drawRangeElements"])
+    WebGL2RenderingContext.prototype[drawing] = () => {};
+"""  # journeys ask what is in the scene; its looks are tests/app/scene's, and a picture takes half a second of both cores
 
 
 @pytest.fixture(scope="session")
@@ -65,12 +69,12 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
     complaints: list[str] = []
 
     def make(scene: bool = True, at: str | None = "/", **options: object) -> Page:
-        usual = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base, "device_scale_factor": COARSE if scene else 1}
+        usual = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base}
         context = browser.new_context(**{**usual, **options})  # type: ignore[arg-type]
         answer = context.request.post("/api/login", data={"token": server.token()})
         assert answer.ok, answer.text()
         context.set_default_timeout(LONG)
-        context.add_init_script(SELDOM)
+        context.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" and not _expected(said) else None)
