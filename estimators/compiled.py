@@ -103,6 +103,7 @@ def _typed(core: str, each: Any, scalar: Any) -> Any:
 
 
 def loops(kernel: Callable[..., None]) -> Callable[..., None]:
-    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is first called on a machine, then kept. No fastmath."""
-    translated: Callable[..., None] = njit(cache=True, error_model="numpy")(kernel)
+    """A kernel of loops over whole arrays, that fills some of its arguments; translated when it is first called on a machine, then kept. No fastmath.
+    Other threads work meanwhile."""
+    translated: Callable[..., None] = njit(cache=True, error_model="numpy", nogil=True)(kernel)
     return translated

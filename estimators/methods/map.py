@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, trajectory
+from estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, side_by_side, trajectory
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.errors import InputError
@@ -78,20 +78,20 @@ def solve(
     if "hand" not in worn:
         raise InputError("the recording has no inertial sensor on the hand; self-calibration needs it: use m2 with an initial pose")
     start, stop, said = _stretch(params, recording, blocks)
-    fingers: list[Finger] = []
+    limbs: list[_Limb] = []
     problems: list[str] = []
-    wanted = [name for name, links in LIMBS.items() if links[0] in worn]
-    for k, name in enumerate(wanted):
+    for name in (name for name, links in LIMBS.items() if links[0] in worn):
         try:
             links, silent = recordings.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
             said += words.silence(name, silent, any(recordings.clipped(blocks, s, start, stop) for s in silent[:1]))
-            t, read = recordings.readings(blocks, links.sensors, start, stop)
-            done = _part(progress, SHARE * k / len(wanted), SHARE / len(wanted))
-            finger = _calibrated(params, recording, name, links, t, read, done)
+            limbs.append(_Limb(name, links, *recordings.readings(blocks, links.sensors, start, stop)))
         except InputError as problem:
             problems.append(str(problem))
-            continue
-        fingers.append(finger)
+    alone = side_by_side.finished(
+        lambda limb, done: _calibrated(params, recording, limb, done), limbs, lambda share: progress(SHARE * share)
+    )
+    problems += dict.fromkeys(str(problem) for problem in alone if isinstance(problem, InputError))
+    fingers = [finger for finger in alone if isinstance(finger, Finger)]
     if not any(f.name in CHAINS for f in fingers):
         raise InputError(
             problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
@@ -119,11 +119,20 @@ def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> t
     return start, stop, words.used(start, stop, whole)
 
 
-def _calibrated(
-    params: Params, recording: Recording, finger: str, links: Chain, t: Array, read: Readings, progress: Callable[[float], None]
-) -> Finger:
+@dataclass(frozen=True)
+class _Limb:
+    """A finger, or the forearm, as it was recorded."""
+
+    name: str
+    links: Chain
+    t: Array  # (n,) s
+    read: Readings
+
+
+def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]) -> Finger:
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
-    words.require_movement(params, finger, read)
+    links, t, read = limb.links, limb.t, limb.read
+    words.require_movement(params, limb.name, read)
     guess = first_guess.unknowns(links, noise, read, mounted(links, recording.mounting, Z))
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
     found = solver.learnt(
@@ -132,8 +141,8 @@ def _calibrated(
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    words.require_one_minimum(params, finger, read, found, float(t[0]))
-    described = _described(params, recording, finger, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
+    words.require_one_minimum(params, limb.name, read, found, float(t[0]))
+    described = _described(params, recording, limb.name, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
     words.require_possible(described)
     return described
 
@@ -188,10 +197,6 @@ def _described(params: Params, recording: Recording, finger: str, t: Array, foun
         lambda drawn, luck: with_found(recording.geometry, finger, drawn.lengths, params.length_guess * luck),
     )
     return Finger(finger, t, found, told, sure)
-
-
-def _part(progress: Callable[[float], None], begun: float, share: float) -> Callable[[float], None]:
-    return lambda done: progress(begun + share * done)
 
 
 def _heard(progress: Callable[[float], None], share: float) -> bool:

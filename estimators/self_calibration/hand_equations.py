@@ -7,11 +7,13 @@ Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur com
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from estimators import quaternions as quat
+from estimators import side_by_side
 from estimators.quaternions import Array
 from estimators.self_calibration import hand_problem, normal_equations, residuals
 from estimators.self_calibration import skin as skin_motion
@@ -19,10 +21,11 @@ from estimators.self_calibration.hand_problem import OWN, HandPlace, HandProblem
 from estimators.self_calibration.normal_equations import Normal, Step
 from estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
 from estimators.self_calibration.residuals import Terms
+from estimators.side_by_side import Each
 
 CHUNK = 512  # samples whose derivatives are in memory at once
 PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further
-TOGETHER = 8  # pairs whose share of the border is summed at once
+TOGETHER = 16  # pairs whose share of the border is whitened and summed at once
 
 
 @dataclass(frozen=True)
@@ -50,24 +53,31 @@ class HandFactor:
 def built(problem: HandProblem, at: HandPlace) -> HandNormal:
     """The normal equations at a place, and its cost."""
     where, sd = hand_problem.layout(problem), hand_problem.error_sd(problem)
-    limbs, C, c = [], np.zeros((where.count, where.count)), np.zeros(where.count)
+    C, c = np.zeros((where.count, where.count)), np.zeros(where.count)
     off, skin_sd = skin(problem, at)
     C[where.skin, where.skin], c[where.skin] = np.diag(1 / skin_sd**2), off / skin_sd
     total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
-    for k, (limb, cols) in enumerate(zip(problem.limbs, where.parameters)):
-        normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
-        for terms in terms_of(problem, at, k):
-            normal_equations.add(normal, terms)
-            total += 0.5 * float((terms.r**2).sum())
-        r, K = priors(limb, at.limbs[k], shares=k == 0)
-        total += 0.5 * float((r**2).sum())
-        own = cols[: K.shape[1]]
+    with side_by_side.threads() as each:
+        limbs = each(lambda k: _of_limb(problem, at, k), range(len(problem.limbs)))
+    for (normal, of_limb), cols in zip(limbs, where.parameters):
         C[np.ix_(cols, cols)] += normal.C
-        C[np.ix_(own, own)] += K.T @ K
         c[cols] += normal.c
-        c[own] += K.T @ r
-        limbs.append(normal)
-    return HandNormal(where, tuple(limbs), at.error / sd[:, None] ** 2, sd, C, c, total)
+        total += of_limb
+    return HandNormal(where, tuple(normal for normal, _ in limbs), at.error / sd[:, None] ** 2, sd, C, c, total)
+
+
+def _of_limb(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
+    """The normal equations of limb k, and its share of the cost."""
+    limb, cols = problem.limbs[k], hand_problem.layout(problem).parameters[k]
+    normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
+    r, K = priors(limb, at.limbs[k], shares=k == 0)
+    total, own = 0.5 * float((r**2).sum()), K.shape[1]
+    for terms in terms_of(problem, at, k):
+        normal_equations.add(normal, terms)
+        total += 0.5 * float((terms.r**2).sum())
+    normal.C[:own, :own] += K.T @ K
+    normal.c[:own] += K.T @ r
+    return normal, total
 
 
 def cost(problem: HandProblem, at: HandPlace) -> float:
@@ -198,24 +208,39 @@ def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     where, E = normal.layout, PAIR * normal.layout.each
     P, K = where.count, -(-len(normal.error) // PAIR)
     L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
-    border = np.zeros((TOGETHER, E, P + 1))  # L^-1 [B, a]
-    known = np.zeros((P + 1, P + 1))
-    for k in range(0, K, TOGETHER):
-        D, B = _put_together(normal, k, below[k : k + TOGETHER], damping)
-        for j in range(len(D)):
-            if k + j:
-                D[j] -= below[k + j - 1] @ below[k + j - 1].T
-                B[j] -= below[k + j - 1] @ border[j - 1]  # for j = 0 the last of the pairs before
-            L[k + j] = _root(D[j])
-            border[j] = blas.dtrsm(1.0, L[k + j].T, B[j].T, side=1, lower=0, overwrite_b=1).T
-            below[k + j] = blas.dtrsm(1.0, L[k + j].T, below[k + j].T, side=0, lower=0, trans_a=1).T
-        flat = border[: len(D)].reshape(-1, P + 1)
-        known += flat.T @ flat
-        border[-1] = border[len(D) - 1]
+    known, last = np.zeros((P + 1, P + 1)), np.zeros((E, P + 1))
+    halves, quarters = _slices(P + 1, 2), _slices(P + 1, 4)
+    products = [(rows, cols) for i, rows in enumerate(quarters) for cols in quarters[i:]]
+    with side_by_side.threads() as each:
+        for k in range(0, K, TOGETHER):
+            D, border = _put_together(normal, k, below[k : k + TOGETHER], damping, each)
+            back = _root_band(D, L, below, k)
+            before = below[np.arange(k, k + len(D)) - 1]  # before the first is nothing: there `last` is zero
+            each(partial(_whiten, border, last, before, back), halves)
+            each(partial(_multiply, border.reshape(-1, P + 1), known), products)
+            last = border[-1]
+    known = np.triu(known) + np.triu(known, 1).T
     C = normal.C.copy()
     C[np.diag_indices_from(C)] *= 1 + damping
     covariance = normal_equations.inverse(C - known[:P, :P])
     return HandFactor(where, L, below, covariance, covariance @ (known[:P, P] - normal.c))
+
+
+def _slices(size: int, count: int) -> list[slice]:
+    ends = np.linspace(0, size, count + 1).astype(int)
+    return [slice(first, stop) for first, stop in zip(ends, ends[1:])]
+
+
+def _root_band(D: Array, L: Array, below: Array, first: int) -> Array:
+    """Fills L and what is below it for the pairs from `first` on; gives the inverses of L's blocks (m, E, E): with them to multiply is faster than to solve."""
+    back = np.empty_like(D)
+    for j, k in enumerate(range(first, first + len(D))):
+        if k:
+            D[j] -= below[k - 1] @ below[k - 1].T
+        L[k] = _root(D[j])
+        back[j] = lapack.dtrtri(L[k].T, lower=0)[0].T
+        below[k] = below[k] @ back[j].T
+    return back
 
 
 def _root(D: Array) -> Array:
@@ -225,29 +250,45 @@ def _root(D: Array) -> Array:
     return np.asarray(upper.T)
 
 
-def _put_together(normal: HandNormal, k: int, below: Array, damping: float) -> tuple[Array, Array]:
+def _whiten(border: Array, last: Array, before: Array, back: Array, cols: slice) -> None:
+    """Columns of [B, a] (m, E, P + 1) become those of L^-1 [B, a], in place; `last` (E, P + 1) are those of the pair before them."""
+    known = last[:, cols]
+    for own, below, inverse in zip(border[:, :, cols], before, back):
+        own[...] = inverse @ (own - below @ known)
+        known = own
+
+
+def _multiply(border: Array, known: Array, where: tuple[slice, slice]) -> None:
+    """Adds a block of border' border, in place."""
+    rows, cols = where
+    known[rows, cols] += border[:, rows].T @ border[:, cols]
+
+
+def _put_together(normal: HandNormal, k: int, below: Array, damping: float, each: Each) -> tuple[Array, Array]:
     """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
-    where, n, m = normal.layout, len(normal.error), len(below)
-    e, P = where.each, where.count
+    m, e, P = len(below), normal.layout.each, normal.layout.count
     D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
-    under = below.reshape(m, PAIR, e, PAIR, e)
-    error = np.arange(e)[where.error]
-    for half in range(PAIR):
-        t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
-        pairs = np.arange(len(t))
-        for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
-            across = (pairs[:, None, None], rows[:, None], rows)
-            D[:, half, :, half][across] += limb.A[t, 0]
-            (D[:, 1, :, 0] if half == 0 else under[:, 0, :, 1])[across] += limb.A[t, 1]
-            under[:, half, :, half][across] += limb.A[t, 2]
-            B[:, half][pairs[:, None, None], rows[:, None], cols] += limb.B[t]
-            B[:, half, :, P][pairs[:, None], rows] += limb.a[t]
-        D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
-        B[:, half, :, P][pairs[:, None], error] += normal.error[t]
-        D[len(t) :, half, np.arange(e), half, np.arange(e)] = 1.0  # no sample: the last pair of an odd number
+    each(partial(_put_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
     whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
     whole[:, diagonal, diagonal] *= 1 + damping
     return whole, B.reshape(m, PAIR * e, P + 1)
+
+
+def _put_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
+    """The first or the second samples of the pairs from k on, in place."""
+    where, n, (m, _, e, _, _) = normal.layout, len(normal.error), D.shape
+    t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
+    pairs, error = np.arange(len(t)), np.arange(e)[where.error]
+    for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
+        across = (pairs[:, None, None], rows[:, None], rows)
+        D[:, half, :, half][across] += limb.A[t, 0]
+        (D[:, 1, :, 0] if half == 0 else under[:, 0, :, 1])[across] += limb.A[t, 1]
+        under[:, half, :, half][across] += limb.A[t, 2]
+        B[:, half][pairs[:, None, None], rows[:, None], cols] += limb.B[t]
+        B[:, half, :, -1][pairs[:, None], rows] += limb.a[t]
+    D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
+    B[:, half, :, -1][pairs[:, None], error] += normal.error[t]
+    D[len(t) :, half, np.arange(e), half, np.arange(e)] = 1.0  # no sample: the last pair of an odd number
 
 
 def step(normal: HandNormal, factor: HandFactor) -> Step:
@@ -256,16 +297,16 @@ def step(normal: HandNormal, factor: HandFactor) -> Step:
     for limb, rows in zip(normal.limbs, normal.layout.sample):
         rhs[:, rows] -= limb.a
     rhs[:, normal.layout.error] -= normal.error
-    x = _backward(factor, _forward(factor, _paired(rhs)))
-    return Step(x.reshape(-1, normal.layout.each)[: len(rhs)], factor.parameters)
+    x = _backward(factor, _forward(factor, _paired(rhs[None])))
+    return Step(_each_sample(x, normal)[0], factor.parameters)
 
 
-def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array) -> Step:
-    """One draw from the distribution with the equations' covariance, of independent standard normal numbers (n, each) and (P,)."""
-    parameters = np.linalg.cholesky(factor.covariance) @ of_parameters
-    told = _forward(factor, _paired(_bordered(normal, parameters)))
+def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array) -> list[Step]:
+    """Draws from the distribution with the equations' covariance, of independent standard normal numbers (m, n, each) and (m, P)."""
+    parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
+    told = _forward(factor, _paired(np.stack([_bordered(normal, p) for p in parameters])))
     x = _backward(factor, _paired(of_samples) - told)
-    return Step(x.reshape(-1, normal.layout.each)[: len(of_samples)], parameters)
+    return [Step(*one) for one in zip(_each_sample(x, normal), parameters)]
 
 
 def _bordered(normal: HandNormal, parameters: Array) -> Array:
@@ -277,23 +318,32 @@ def _bordered(normal: HandNormal, parameters: Array) -> Array:
 
 
 def _paired(v: Array) -> Array:
-    """(n, each) as (K, 2 each), a sample of zeros where one is missing."""
-    return np.concatenate([v, np.zeros((len(v) % PAIR, v.shape[1]))]).reshape(-1, PAIR * v.shape[1])
+    """(m, n, each) as (K, m, 2 each), a sample of zeros where one is missing."""
+    m, n, each = v.shape
+    whole = np.concatenate([v, np.zeros((m, n % PAIR, each))], axis=1)
+    return whole.reshape(m, -1, PAIR * each).transpose(1, 0, 2)
+
+
+def _each_sample(x: Array, normal: HandNormal) -> Array:
+    """The way back, (m, n, each)."""
+    return x.transpose(1, 0, 2).reshape(x.shape[1], -1, normal.layout.each)[:, : len(normal.error)]
 
 
 def _forward(factor: HandFactor, y: Array) -> Array:
+    """L^-1 y, of rows (K, m, 2 each)."""
     y = y.copy()
     for k in range(len(y)):
         if k:
-            y[k] -= factor.below[k - 1] @ y[k - 1]
-        y[k] = blas.dtrsv(factor.L[k].T, y[k], lower=0, trans=1)
+            y[k] -= y[k - 1] @ factor.below[k - 1].T
+        y[k] = blas.dtrsm(1.0, factor.L[k].T, y[k].T, lower=0, trans_a=1).T
     return y
 
 
 def _backward(factor: HandFactor, x: Array) -> Array:
+    """L'^-1 x, of rows (K, m, 2 each)."""
     x = x.copy()
     for k in range(len(x) - 1, -1, -1):
         if k + 1 < len(x):
             x[k] -= x[k + 1] @ factor.below[k]
-        x[k] = blas.dtrsv(factor.L[k].T, x[k], lower=0)
+        x[k] = blas.dtrsm(1.0, factor.L[k].T, x[k].T, lower=0).T
     return x

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from estimators import side_by_side
 from estimators.self_calibration import covariance, hand_equations, hand_problem, posterior
 from estimators.self_calibration.hand_equations import HandFactor, HandNormal
 from estimators.self_calibration.hand_problem import HandPlace, HandProblem
@@ -45,10 +46,12 @@ def _honest(problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequ
     made_up, before, variances = np.zeros((where.count, where.count)), np.zeros((where.count, where.count)), np.zeros(where.count)
     before[where.skin, where.skin] = np.diag(1 / hand_equations.skin(problem, at)[1] ** 2)
     arms = []
-    for k, (limb, place, one, together) in enumerate(zip(problem.limbs, at.limbs, alone, where.parameters)):
+    with side_by_side.threads() as each:
+        apparent = each(lambda one: covariance.apparent(one.problem, one.at, one.factor), alone)
+    for k, (limb, place, noisy, together) in enumerate(zip(problem.limbs, at.limbs, apparent, where.parameters)):
         cols = together[: columns(limb.chain).count]
         slopes = hand_equations.priors(limb, place, shares=k == 0)[1]
-        made_up[np.ix_(cols, cols)] += covariance.apparent(one.problem, one.at, one.factor)
+        made_up[np.ix_(cols, cols)] += noisy
         before[np.ix_(cols, cols)] += slopes.T @ slopes
         variances[cols] = covariance.walked(limb)
         own = np.zeros((2 * len(place.far), where.count))
@@ -85,7 +88,6 @@ def _own(found: HandSolution) -> list[Indices]:
 def draws(found: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
     """Places of all limbs as probable as the readings leave them."""
     n, each, P = len(found.problem), found.factor.layout.each, found.factor.layout.count
-    for k in range(count):
-        numbers = posterior.normal_numbers(n * each + P, k)
-        step = hand_equations.drawn(found.normal, found.factor, numbers[: n * each].reshape(n, each), numbers[n * each :])
+    numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in range(count)])
+    for step in hand_equations.drawn(found.normal, found.factor, numbers[:, : n * each].reshape(-1, n, each), numbers[:, n * each :]):
         yield hand_problem.straightened(found.problem, hand_problem.stepped(found.at, found.problem, step.turns, step.parameters))

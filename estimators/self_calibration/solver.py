@@ -16,7 +16,7 @@ from estimators.self_calibration.knocks import Jolt
 from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
 
-CHUNK = 1024  # samples whose derivatives are in memory at once
+CHUNK = 512  # samples whose derivatives are in memory at once
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
 SMALL = 0.1  # of a standard deviation
 UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted

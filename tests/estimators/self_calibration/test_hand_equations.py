@@ -83,10 +83,12 @@ def dense(somewhere: tuple[HandProblem, HandPlace]) -> tuple[Array, Array]:
     return _whole(*somewhere), _slopes(*somewhere)
 
 
+@pytest.mark.parametrize("together", [1, hand_equations.TOGETHER])
 def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
-    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
+    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array], together: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of numerical derivatives: a wrong derivative, a block in a wrong place, a shared row counted twice would all show."""
+    """Of numerical derivatives: a wrong derivative, a block in a wrong place, a shared row counted twice would all show; however many pairs go together."""
+    monkeypatch.setattr(hand_equations, "TOGETHER", together)
     (problem, at), (r, J) = somewhere, dense
     normal = hand_equations.built(problem, at)
     factor = hand_equations.factored(normal)
@@ -104,11 +106,9 @@ def test_draws_have_the_equations_covariance(somewhere: tuple[HandProblem, HandP
     normal = hand_equations.built(problem, at)
     factor = hand_equations.factored(normal)
     each, n = normal.layout.each, SAMPLES * normal.layout.each
-    found = []
-    for one in np.eye(n + normal.layout.count):
-        step = hand_equations.drawn(normal, factor, one[:n].reshape(SAMPLES, each), one[n:])
-        found.append(np.concatenate([step.turns.ravel(), step.parameters]))
-    root = np.array(found).T
+    numbers = np.eye(n + normal.layout.count)
+    drawn = hand_equations.drawn(normal, factor, numbers[:, :n].reshape(-1, SAMPLES, each), numbers[:, n:])
+    root = np.array([np.concatenate([step.turns.ravel(), step.parameters]) for step in drawn]).T
     np.testing.assert_allclose((J @ root).T @ (J @ root), np.eye(n + normal.layout.count), atol=1e-3)
 
 
