@@ -123,20 +123,27 @@ def whitened(factor: Factor, B: Array) -> Array:
 
 @loops
 def _gather(first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array) -> None:
-    e = A.shape[2]
+    e, p = A.shape[2], cols.shape[0]
+    by_turns, by_parameters = np.empty(knots * e), np.empty(p)
     for t in range(J.shape[0]):
-        for m in range(J.shape[1]):
-            for i in range(J.shape[2]):
+        for i in range(J.shape[2]):
+            block, row, by_residual = i // e, i % e, 0.0
+            by_turns[:], by_parameters[:] = 0.0, 0.0
+            for m in range(J.shape[1]):
                 v = J[t, m, i]
                 if v == 0.0:
                     continue
-                block, row = i // e, i % e
-                for other in range(block + 1):
-                    for j in range(e):
-                        A[first + t + other, block - other, row, j] += v * J[t, m, other * e + j]
-                for j in range(cols.shape[0]):
-                    B[first + t + block, row, cols[j]] += v * K[t, m, j]
-                a[first + t + block, row] += v * r[t, m]
+                for j in range((block + 1) * e):
+                    by_turns[j] += v * J[t, m, j]
+                for j in range(p):
+                    by_parameters[j] += v * K[t, m, j]
+                by_residual += v * r[t, m]
+            for other in range(block + 1):
+                for j in range(e):
+                    A[first + t + other, block - other, row, j] += by_turns[other * e + j]
+            for j in range(p):
+                B[first + t + block, row, cols[j]] += by_parameters[j]
+            a[first + t + block, row] += by_residual
 
 
 @loops

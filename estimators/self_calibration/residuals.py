@@ -75,32 +75,32 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     chain, c, dt = problem.chain, columns(problem.chain), problem.dt
     start, stop = max(start, 1), min(stop, len(problem) - 1)
     T, J, S = stop - start, len(chain.joints), len(chain.sensors)
-    at_three = np.arange(start, stop)[:, None] + np.arange(-1, 2)
-    R = quat.matrix(at.q_GS[start - 1 : stop + 1])[at_three - (start - 1)]  # (T, 3, S, 3, 3)
-    read = problem.acc[start - 1 : stop + 1]
-    f = _true(at, read)[at_three - (start - 1)]  # (T, 3, S, 3)
+    samples, swing = np.arange(start - 1, stop + 1), SECOND_DIFFERENCE / dt**2
+    R, read = quat.matrix(at.q_GS[samples]), problem.acc[samples]
     by = np.zeros((T, J, 3, 3, S, 3))
     by_parameters = np.zeros((T, J, 3, 14 * J + 12 * S))
-    felt = np.einsum("k,tksij->tsij", NUMEROV, R)
-    scaled = np.einsum("k,tksij,tksl->tsijl", NUMEROV, R, read[at_three - (start - 1)]).reshape(T, S, 3, 9)
-    turned = SECOND_DIFFERENCE[:, None, None, None] / dt**2 * R
-    pulled = [_skin(problem, at, s, at_three) for s in range(S)]
+    felt = over_three(NUMEROV, R)
+    scaled = over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
+    pulling = R @ quat.skew(_true(at, read))
+    pulled = [_skin(problem, at, s, samples) for s in range(S)]
     for k in range(J):
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
-            g = SECOND_DIFFERENCE[:, None] / dt**2 * skin.seen(pulled[s], still) + NUMEROV[:, None] * f[:, :, s]
-            by[:, k, :, :, s] = -sign * (R[:, :, s] @ quat.skew(g)).transpose(0, 2, 1, 3)
-            swung = turned[:, :, s] @ pulled[s].back
-            by_parameters[:, k, :, place : place + 3] = sign * swung.sum(axis=1)
+            swinging = R[:, s] @ quat.skew(skin.seen(pulled[s], still))
+            for knot in range(3):
+                three = slice(knot, knot + T)
+                by[:, k, :, knot, s] = -sign * (swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s])
+            carried = R[:, s] @ pulled[s].back
+            by_parameters[:, k, :, place : place + 3] = sign * over_three(swing, carried)
             by_parameters[:, k, :, 14 * J + 3 * s : 14 * J + 3 * s + 3] = -sign * felt[:, s]
             by_parameters[:, k, :, 14 * J + 3 * S + 9 * s : 14 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
                 bent = pulled[s].bent[..., None]
-                by_turn = turned[:, :, s] @ (bent * skin.by_turn(pulled[s], still))
-                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn.sum(axis=1)
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * (bent * swung).sum(axis=1)
+                by_turn = over_three(swing, R[:, s] @ (bent * skin.by_turn(pulled[s], still)))
+                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
+                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(swing, bent * carried)
                 by_bent = skin.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
-                by_tilt = turned[:, :, s] @ (by_bent[..., None] * problem.by_tilt[at_three, m][:, :, None])
-                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = sign * by_tilt.sum(axis=1)
+                by_tilt = R[:, s] @ (by_bent[..., None] * problem.by_tilt[samples, m][:, None])
+                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = sign * over_three(swing, by_tilt)
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
     mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
@@ -119,11 +119,14 @@ def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
         for sign, s, still in ((1.0, chain.children[k], at.near[k]), (-1.0, chain.parents[k], at.far[k])):
             arm = np.einsum("tij,tj->ti", R[:, s], skin.seen(pulled[s], still))
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
-            for place, (swing, share) in enumerate(zip(SECOND_DIFFERENCE / problem.dt**2, NUMEROV)):
-                three = slice(place, place + stop - start)
-                e[:, k] += sign * (swing * arm[three] + share * force[three])
+            e[:, k] += sign * (over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force))
     white = whitening(problem, start, stop) @ e
     return np.asarray(white.reshape(len(e), -1) / common_scale(at))
+
+
+def over_three(weights: Array, v: Array) -> Array:
+    """The weighted sum (n - 2, ...) of each three samples that follow one another, of (n, ...)."""
+    return np.asarray(weights[0] * v[:-2] + weights[1] * v[1:-1] + weights[2] * v[2:])
 
 
 def common_scale(at: Unknowns) -> float:
