@@ -4,8 +4,8 @@ Magnetometers and inertial sensors have clocks or filters of their own: readings
 negative where the magnetometers are early. Between the two instants the body moves as its inertial sensors say: turning with rates that change
 evenly, the relative velocity with the relative acceleration.
 
-In      state x and errors as magnet_filter.py has them; the way (22,): rates of base and target, change of both rates, specific forces, as read;
-        the relative velocity; whether movement tells lateness
+In      state x and errors as magnet_filter.py has them; the way (22 + L,) with L magnetometers: rates of base and target, change of both rates, specific
+        forces, as read; the relative velocity; whether movement tells lateness; how old each reading is by its own time stamp
 Source  ours, by the rigid-body motion of magnet_filter.py (5.19)-(5.22); rates and their change: fading memory of degree one (Morrison 1969, Introduction
         to Sequential Smoothing and Prediction, ch. 13). Unsmoothed, the noise of a rate counts as movement that readings would have to show: lateness
         then comes out a third too small. So do the jumps of the filter's velocity: slopes by the lateness take one that is led by accelerations and
@@ -23,7 +23,7 @@ from estimators.magnet_filter import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XT
 from estimators.quaternions import Array
 from estimators.small_matrices import block
 
-WAY = 22
+WAY = 22  # behind it how old each magnetometer's reading is at the newest inertial samples, s
 TELLS = 21  # how readings are taken to depend on lateness
 LEARNT, CONSIDERED, LEFT_OUT = 1.0, 0.0, -1.0
 WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows of the way

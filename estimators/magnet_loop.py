@@ -35,7 +35,7 @@ from estimators.magnet_filter import (
     widened,
 )
 from estimators.magnet_inertial import inertial
-from estimators.magnet_lateness import TELLS, considered, dependence, settled, went_on
+from estimators.magnet_lateness import TELLS, WAY, considered, dependence, settled, went_on
 from estimators.magnet_reading import EVIDENCE, answered, compared, kept, magnetometers, read, searched, sought
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
@@ -232,13 +232,14 @@ def followed(
     dts: Array,
     samples: Array,
     mags: Array,
+    ages: Array,
     still: Array,
     states: Array,
     variances: Array,
     moods: Array,
 ) -> Array:
-    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, standstill (n, 2); fill states (n, ...), variances (n, ...),
-    surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
+    """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
+    states (n, ...), variances (n, ...), surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
     F, now, left = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(1)
     for n in range(len(samples)):
         dt, rough, v = dts[n], 1.0, x[3:6].copy()
@@ -263,6 +264,8 @@ def followed(
         settled(way, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):
             before[i] = now[i]
+        for k in range(len(mags[n])):
+            way[WAY + k] = ages[n, k]
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
         way[TELLS] = dependence(way, P, wide)

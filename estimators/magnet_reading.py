@@ -35,7 +35,7 @@ from estimators.magnet_filter import (
     times,
     transposed,
 )
-from estimators.magnet_lateness import by_now, earlier
+from estimators.magnet_lateness import WAY, by_now, earlier
 from estimators.quaternions import Array
 from estimators.small_matrices import block
 
@@ -96,9 +96,11 @@ def seen(x: Array, k: int, H: Array) -> Array:
 @inlined
 def read(x: Array, way: Array, k: int, H: Array) -> Array:
     """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
-    then = earlier(x, way)
+    dated = x.copy()
+    dated[-1] += way[WAY + k]
+    then = earlier(dated, way)
     reads: Array = seen(then, k, H)
-    by_now(x, then, way, H)
+    by_now(dated, then, way, H)
     return reads
 
 

@@ -2,7 +2,8 @@
 
 In      blocks of streams: the hand's and the trunk's inertial sensor, magnetometers on the trunk; in any order, cut anywhere
 Out     magnet_tracking.Readings at the hand's instants
-Source  ours: straight lines between neighbouring samples. A magnetometer is told at the first instant of the hand behind each of its samples
+Source  ours: inertial samples by straight lines between neighbouring ones. A magnetometer's sample is told as it was read, at the first instant of the hand behind it
+        and with its age: a line between two samples has less noise than either, and shares it with the next one, so that the filter would be too sure
 Limits  a stream that stays away for longer than the patience is missing at those instants, also when its samples come later
 """
 
@@ -57,9 +58,10 @@ def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Wa
     if not len(at):
         return replace(waiting, held=held), _nothing(len(waiting.magnetometers))
     base, target = (_inertial(_of(held, point, GYR), point, at) for point in (TRUNK, HAND))
-    mag = np.stack([_magnetic(_of(held, point, MAG), point, at, waiting.told) for point in waiting.magnetometers], axis=1)
+    read = [_magnetic(_of(held, point, MAG), point, at, waiting.told) for point in waiting.magnetometers]
+    mag, age = np.stack([values for values, _ in read], axis=1), np.stack([old for _, old in read], axis=1)
     kept = {name: _from(b, float(at[-1])) for name, b in held.items()}
-    return Waiting(waiting.magnetometers, kept, float(at[-1])), Readings(at, base, target, mag)
+    return Waiting(waiting.magnetometers, kept, float(at[-1])), Readings(at, base, target, mag, age)
 
 
 def rest(waiting: Waiting) -> Readings:
@@ -81,14 +83,16 @@ def _inertial(block: Block | None, point: str, at: Array) -> Array:
     return _between(block, np.concatenate([block.of(GYR)[:, k], block.of(ACC)[:, k]], axis=1), at)
 
 
-def _magnetic(block: Block | None, point: str, at: Array, told: float) -> Array:
-    """A magnetometer (n, 3) at the first instant behind each of its samples; NaN at the others."""
-    if block is None:
-        return np.full((len(at), 3), np.nan)
-    before = np.concatenate([[told], at[:-1]])
-    fresh = np.searchsorted(block.t, at, side="right") > np.searchsorted(block.t, before, side="right")
-    values = _between(block, block.of(MAG)[:, block.stream.sensors.index(point)], at)
-    return np.where(fresh[:, None], values, np.nan)
+def _magnetic(block: Block | None, point: str, at: Array, told: float) -> tuple[Array, Array]:
+    """A magnetometer (n, 3) at the first instant behind each of its samples, NaN at the others; how old they are then (n,) s."""
+    if block is None or not len(block.t):
+        return np.full((len(at), 3), np.nan), np.zeros(len(at))
+    known, before = (np.searchsorted(block.t, t, side="right") for t in (at, np.concatenate([[told], at[:-1]])))
+    newest = np.maximum(known - 1, 0)
+    age = at - block.t[newest]
+    fresh = (known > before) & (age < HOLE / block.stream.rate)
+    values = block.of(MAG)[newest, block.stream.sensors.index(point)]
+    return np.where(fresh[:, None], values, np.nan), np.where(fresh, age, 0.0)
 
 
 def _between(block: Block, values: Array, at: Array) -> Array:
@@ -111,4 +115,4 @@ def _from(block: Block, t: float) -> Block:
 
 
 def _nothing(count: int) -> Readings:
-    return Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, count, 3)))
+    return Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, count, 3)), np.empty((0, count)))

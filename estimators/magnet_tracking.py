@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from estimators import dipole, magnet_standstill
 from estimators import quaternions as quat
 from estimators.errors import InputError
-from estimators.force.interpolation import noise_of
 from estimators.gravity import GRAVITY
 from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
 from estimators.magnet_lateness import WAY
@@ -33,7 +32,9 @@ ROOM = 1e-6  # T by which the field of a room differs from the earth's
 PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 LISTENED = 32  # first whole readings that tell the magnetometers' noise: to 7 % with four of them
-LOUDER = 1.5  # times what was told from which on the noise that was measured counts, and all is begun anew
+QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
+SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
+LOUDER = 1.5  # times what was told from which on all is begun anew
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Readings:
     base: Array  # (n, 6) gyroscope rad/s, accelerometer m/s^2, base frame
     target: Array  # (n, 6) the same, target frame
     mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where there is none at that instant
+    age: Array | None = None  # (n, magnetometers) s for which each has been waiting for its instant; None: none has
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class State:
     covariance: Array  # (37 + 6 magnetometers,) squared
     mood: Array  # (8,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
-    way: Array  # (22,) as magnet_lateness.py has it
+    way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
     heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
     noise: float = 0.0  # uT, where it is more than was told
@@ -113,7 +115,7 @@ def start(setup: Setup) -> State:
         np.empty((0, 0)),
         np.concatenate([[1.0], np.zeros(MOODS - 1)]),
         np.full(12, np.nan),
-        np.zeros(WAY),
+        np.zeros(WAY + len(setup.array)),
         np.empty((0, 12 + setup.array.places.size)),
         np.empty((0, len(setup.array), 3)),
     )
@@ -135,11 +137,18 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
         return _advanced(params, replace(state, heard=heard), readings)
     cut = int(fresh[LISTENED - 1 - len(state.heard)]) + 1
     state, early = _advanced(params, replace(state, heard=None), _part(readings, slice(cut)))
-    noise = 1e6 * float(np.sqrt((noise_of(np.arange(float(LISTENED)), heard[:LISTENED]) ** 2).mean()))
+    noise = 1e6 * _noise(heard[:LISTENED])
     if noise > LOUDER * params.mag_noise:
         state = replace(start(state.setup), recent=state.recent, heard=None, noise=noise, t=state.t)
+    elif noise > SEEN * params.mag_noise:
+        state = replace(state, noise=noise)
     state, late = _advanced(params, state, _part(readings, slice(cut, None)))
     return state, _joined(early, late)
+
+
+def _noise(mag: Array) -> float:
+    """White noise, T, of readings (n, magnetometers, 3), by their third differences, of which the largest quarter may be movement."""
+    return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
 def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
@@ -179,6 +188,7 @@ def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[S
         dts,
         np.ascontiguousarray(samples[first:]),
         np.ascontiguousarray(mag_b[first:]),
+        _ages(readings)[first:],
         still.astype(float),
         states,
         variances,
@@ -343,7 +353,12 @@ def _joined(early: Track, late: Track) -> Track:
 
 
 def _part(readings: Readings, part: slice) -> Readings:
-    return Readings(*(getattr(readings, f.name)[part] for f in fields(Readings)))
+    age = None if readings.age is None else readings.age[part]
+    return Readings(readings.t[part], readings.base[part], readings.target[part], readings.mag[part], age)
+
+
+def _ages(readings: Readings) -> Array:
+    return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
 
 
 def _before(state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]) -> Track:

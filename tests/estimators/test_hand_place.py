@@ -160,7 +160,7 @@ def test_a_glove_without_any_of_it_is_none_and_a_part_of_it_is_said(both: tuple[
             hand_place.setting(PARAMS, told, [b.stream for b in streams], {})
 
 
-def test_readings_between_two_samples_lie_on_the_line_between_them_and_holes_stay_holes() -> None:
+def test_inertial_samples_are_told_on_the_line_between_two_magnetic_ones_as_they_were_read_and_holes_stay_holes() -> None:
     hand = Block(Stream("hand", ("hand",), (GYR, ACC), 10.0), np.arange(10) / 10, np.arange(10.0)[:, None, None] * np.ones(6))
     t = np.array([0.05, 0.15, 0.25, 0.65, 0.75])
     base = Block(Stream("trunk", ("trunk",), (GYR, ACC), 10.0), t, (10 * t)[:, None, None] * np.ones(6))
@@ -171,7 +171,9 @@ def test_readings_between_two_samples_lie_on_the_line_between_them_and_holes_sta
     late = magnet_streams.rest(waiting)
     told, inertial = np.concatenate([early.mag[:, 0, 0], late.mag[:, 0, 0]]), np.concatenate([early.base[:, 0], late.base[:, 0]])
     np.testing.assert_allclose(inertial, [np.nan, 1, 2, np.nan, np.nan, np.nan, np.nan, 7, np.nan, np.nan], atol=1e-12)
-    np.testing.assert_allclose(told, [np.nan, 1, np.nan, np.nan, 4, 5, np.nan, np.nan, np.nan, np.nan], atol=1e-12)
+    np.testing.assert_allclose(told, [np.nan, 1, np.nan, np.nan, 3.2, 5, np.nan, np.nan, np.nan, np.nan], atol=1e-12)
+    assert early.age is not None and late.age is not None
+    np.testing.assert_allclose(np.concatenate([early.age, late.age])[:, 0], 0.08 * (np.arange(10) == 4), atol=1e-12)
 
 
 def test_what_was_told_roughly_is_learnt_from_movement() -> None:

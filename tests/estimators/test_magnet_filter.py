@@ -99,8 +99,9 @@ def test_slopes_of_the_time_update_are_differences() -> None:
 
 
 def test_slopes_of_a_magnetometer_are_differences() -> None:
-    """Of one that is 70 ms late, while trunk and hand turn and speed up."""
-    x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY)
+    """Of one that is 62 ms late and read 8 ms ago, while trunk and hand turn and speed up."""
+    x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY + 2)
+    x[-1], way[WAY:] = 0.062, [0.0, 0.008]
     way[FB : FB + 6] *= 10
     way[VS : VS + 3], way[TELLS] = x[3:6], LEARNT
     _read(x, way, 1, H)
