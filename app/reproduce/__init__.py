@@ -23,6 +23,7 @@ REPRODUCTIONS = {
     "observability": "which movements of a finger tell its lengths, its sensors' places and their biases",
     "independent": "self-calibration judged by a simulator that shares nothing with it: one finger in many ways, a whole hand",
     "kortier5": "the hand followed by a magnet (Kortier's thesis, ch. 5)",
+    "independent-reach": "the hand followed by a magnet in a world that is not ours: another simulator, through files",
     "kortier6": "mass and stiffness of what the fingers hold (Kortier's thesis, ch. 6)",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",

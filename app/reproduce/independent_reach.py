@@ -1,0 +1,235 @@
+"""The hand followed by a magnet in a world that is not ours: another simulator, files as another program writes them, the product's own way from there on.
+
+In      independent_world.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
+Way     a plate is turned, the recording of it opened and its magnetometers calibrated; the movement is written as Motion-BIDS, opened and processed
+Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
+"""
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.reproduce import Wanted
+from app.reproduce import independent_world as world
+from app.reproduce.finding import Finding, Row, Table, Verdict, spread
+from app.reproduce.independent_world import Motion, Room, Worn
+from estimators import hand_place, magnetometer_plate
+from estimators.hand_place import PlaceParams
+from estimators.methods import METHODS
+from estimators.processing import process
+from estimators.quaternions import Array
+from estimators.samples import MAG
+from estimators.trajectory import PlaceFlag
+from sessions import formats
+from sessions.recording import LoadedRecording
+
+MM, DEG = 1e3, 180 / np.pi
+FIRST = 10.0  # s that are left out: the hand begins to move after five
+COUNTS = {"four": 4, "one": 1}
+NAMES = tuple(f"trunk_mag_{k + 1}" for k in range(len(world.PLATE)))
+Q_BS = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # breastbone's sensor to the trunk: forward, up, right
+UNTOLD = (30.0, 3.0)  # mm and standard deviations from which on a place that nobody marked is wrong
+BACK = 25.0  # mm
+FIGURES = {
+    "position": ("Place of the hand where it is told without a flag, RMS, mm", 1),
+    "relative": ("Orientation of the hand against the trunk, RMS, deg", 1),
+    "trunk": ("Orientation of the trunk, RMS, deg", 1),
+    "place nes": ("Place where it is told without a flag: normalised error squared (1 = as sure as it says)", 2),
+    "relative nes": ("Relative orientation: normalised error squared", 2),
+    "trunk nes": ("Orientation of the trunk: normalised error squared", 2),
+    "told": ("Time for which the place is told without a flag, %", 1),
+    "doubtful": ("Time marked doubtful, %", 1),
+    "unsaid": ("Time at which the place is told without a flag and wrong by more than 3 cm and three standard deviations, %", 2),
+    "back": ("Time from the hand's return until its place is within 25 mm for good, s", 2),
+}
+LIMITS = {"position": (15.0, "mm"), "relative": (2.0, "deg"), "trunk": (6.0, "deg")}
+
+
+@dataclass(frozen=True)
+class Trial:
+    movement: str
+    seed: int
+    seconds: float = 60.0
+
+
+Found = Mapping[str, Mapping[str, float]]  # by number of magnetometers; a figure that a movement does not have is left out
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    return [Trial(movement, seed) for movement in world.TRUNKS for seed in range(wanted.seeds)]
+
+
+def measure(trial: Trial) -> Found:
+    """One plate, magnet, room and movement, with all of its magnetometers and with the first alone."""
+    return {name: _figures(trial, count) for name, count in COUNTS.items()}
+
+
+def _figures(trial: Trial, count: int) -> dict[str, float]:
+    seeds = np.random.SeedSequence([trial.seed, *trial.movement.encode()]).spawn(4)
+    worn, room = world.worn(np.random.default_rng(seeds[0]), count), world.room(np.random.default_rng(seeds[1]))
+    motion, rng = world.moving(trial.movement, np.random.default_rng(seeds[2]), trial.seconds), np.random.default_rng(seeds[3])
+    with tempfile.TemporaryDirectory() as folder:
+        calibrated, strength = _calibrated(Path(folder) / "turned", worn, room, rng)
+        recording = _recorded(Path(folder) / "moved", worn, motion, room, rng, calibrated, strength)
+    moved = process(METHODS["m2"], METHODS["m2"].Params(), recording).trajectory
+    s = hand_place.setting(PlaceParams(), recording.plate, recording.streams, recording.mounting)
+    assert s is not None and moved.place is not None and moved.place_sd is not None and moved.place_flags is not None
+    tracks = hand_place.tracked(s, list(recording.samples.values()))[1]
+    after = np.concatenate([k.t for k in tracks]) > FIRST
+    t, q_bt, q_bt_sd, q_gb, q_gb_sd = (
+        np.concatenate([getattr(k, f) for k in tracks])[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd")
+    )
+    (p_b, p_t), (R_b, _) = motion.at(moved.t)
+    off = moved.place - (Q_BS * R_b.inv()).apply(p_t - p_b)
+    wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)
+    late, told = moved.t > FIRST, moved.place_flags == 0
+    both = late & told
+    relative, trunk = _turned(t, q_bt, q_gb, motion, room)
+    return {
+        "told": 100 * float(told[late].mean()),
+        "doubtful": 100 * float((moved.place_flags[late] & PlaceFlag.DOUBTFUL != 0).mean()),
+        "unsaid": 100 * float((both & (wrong > UNTOLD[0]) & (wrong > UNTOLD[1] * sd))[late].mean()),
+        **({"position": _rms(wrong[both]), "place nes": float(((off / moved.place_sd)[both] ** 2).mean())} if both.any() else {}),
+        "relative": DEG * _rms(np.linalg.norm(relative, axis=1)),
+        "trunk": DEG * _rms(np.linalg.norm(trunk, axis=1)),
+        "relative nes": float(((relative / q_bt_sd) ** 2).mean()),
+        "trunk nes": float(((trunk / q_gb_sd) ** 2).mean()),
+        **({"back": _back(moved.t, wrong)} if "out of reach" in trial.movement else {}),
+    }
+
+
+def _turned(t: Array, q_bt: Array, q_gb: Array, motion: Motion, room: Room) -> tuple[Array, Array]:
+    """What told orientations are off by (n, 3), (n, 3) rad: of hand against trunk about the hand's axes, of the trunk about its own. North is where the field
+    points on the mean over the trunk's places."""
+    (p_b, _), (R_b, R_t) = motion.at(t)
+    x, y, _ = room.at(p_b).mean(axis=0)
+    north = Rotation.from_euler("z", np.arctan2(x, y))
+    relative = _rotation(q_bt).inv() * R_b.inv() * R_t
+    return relative.as_rotvec(), (_rotation(q_gb).inv() * north * R_b).as_rotvec()
+
+
+def _rotation(q: Array) -> Rotation:
+    return Rotation.from_quat(q[:, [1, 2, 3, 0]])
+
+
+def _back(t: Array, wrong: Array) -> float:
+    """Seconds from the hand's return until it is told within BACK for the five seconds that follow."""
+    since = t >= world.BACK
+    outside = np.flatnonzero(since & (t < world.BACK + 5.0) & ~(wrong < BACK))
+    return float(t[outside[-1]] - world.BACK) if len(outside) else 0.0
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _calibrated(folder: Path, worn: Worn, room: Room, rng: np.random.Generator) -> tuple[Mapping[str, tuple[Array, Array]], float]:
+    """Matrix and bias by magnetometer from a recording of the plate being turned, and the field's strength, T."""
+    turning = world.turned_about(rng)
+    _write(folder, "turned", {"trunk": world.inertial(worn, turning, 0, rng)}, world.magnetometers(worn, turning, room, rng, magnet=False))
+    recording = formats.load(folder, correct=False)
+    block = next(b for b in recording.samples.values() if MAG in b.stream.quantities)
+    mounting = np.array([recording.mounting[name] for name in block.stream.sensors])
+    found = magnetometer_plate.calibrated(block.stream.sensors, block.of(MAG), mounting)
+    assert not found.refused, found.refused
+    return {name: (s.calibration.matrix[MAG], s.calibration.bias[MAG]) for name, s in found.solved.items()}, found.strength
+
+
+def _recorded(
+    folder: Path,
+    worn: Worn,
+    motion: Motion,
+    room: Room,
+    rng: np.random.Generator,
+    calibrated: Mapping[str, tuple[Array, Array]],
+    strength: float,
+) -> LoadedRecording:
+    t, raw = world.magnetometers(worn, motion, room, rng)
+    mag = np.stack(
+        [(raw[:, k] - bias) @ matrix.T for k, (matrix, bias) in enumerate(calibrated[name] for name in NAMES[: raw.shape[1]])], axis=1
+    )
+    places = {name: list(p) for name, p in zip(NAMES, worn.told_places)}
+    setup = {"places": places, "moment": list(worn.told_moment), "place": list(world.ON_HAND), "earth": strength}
+    inertial = {name: world.inertial(worn, motion, which, rng) for which, name in enumerate(("trunk", "hand"))}
+    _write(folder, "reach", inertial, (t, mag), {"MagnetSetup": setup})
+    return formats.load(folder)
+
+
+def _write(
+    folder: Path, task: str, inertial: Mapping[str, tuple[Array, Array]], mag: tuple[Array, Array], more: Mapping[str, object] | None = None
+) -> None:
+    """Motion-BIDS as text, in the units of data sheets."""
+    place = folder / "sub-01" / "motion"
+    place.mkdir(parents=True)
+    stem = f"sub-01_task-{task}"
+    q = list(np.roll(Q_BS.as_quat(), 1))
+    for name, (t, samples) in inertial.items():
+        values = np.column_stack([samples[:, :3] * DEG, samples[:, 3:]])
+        channels = [(name, "GYRO", "deg/s"), (name, "ACCEL", "m/s^2")]
+        _system(place, stem, name, t, values, channels, {**(more or {}), "SensorMounting": {name: q} if name == "trunk" else {}})
+    t, readings = mag
+    some = NAMES[: readings.shape[1]]
+    channels = [(name, "MAGN", "uT") for name in some]
+    _system(place, stem, "array", t, 1e6 * readings.reshape(len(t), -1), channels, {"SensorMounting": dict.fromkeys(some, q)})
+    (place / f"{stem}_events.tsv").write_text(
+        f"onset\tduration\ttrial_type\ttask_name\n1\t3\tinitial_pose\tn/a\n{world.STILL}\t{t[-1] - world.STILL:.1f}\ttask\treach\n"
+    )
+
+
+def _system(
+    place: Path, stem: str, label: str, t: Array, values: Array, channels: list[tuple[str, str, str]], more: Mapping[str, object]
+) -> None:
+    base = place / f"{stem}_tracksys-{label}"
+    rows = ["name\tcomponent\ttype\ttracked_point\tunits", "t\tn/a\tLATENCY\tn/a\ts"]
+    rows += [f"{point}_{kind}_{axis}\t{axis}\t{kind}\t{point}\t{unit}" for point, kind, unit in channels for axis in "xyz"]
+    Path(f"{base}_channels.tsv").write_text("\n".join(rows) + "\n")
+    np.savetxt(f"{base}_motion.tsv", np.column_stack([t, values]), fmt="%.9g", delimiter="\t")
+    rate = round(1 / float(np.median(np.diff(t))), 3)
+    sidecar = {"TaskName": stem, "SamplingFrequency": rate, "MeasuredHand": "left", **more}
+    Path(f"{base}_motion.json").write_text(json.dumps(sidecar))
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    tables = tuple(_table(results, figure) for figure in FIGURES)
+    verdicts = tuple(
+        Verdict(f"reaches, trunk leans, {figure}", _mean(results, "reaches, trunk leans", figure), limit, unit, "our target")
+        for figure, (limit, unit) in LIMITS.items()
+    )
+    verdicts += (Verdict("10 s out of reach, until within 25 mm", _mean(results, "10 s out of reach", "back"), 2.0, "s", "our target"),)
+    return Finding(
+        "independent-reach", "The hand followed by a magnet, in a world that is not ours", _setting(), tables, verdicts, _remarks()
+    )
+
+
+def _table(results: Sequence[tuple[Trial, Found]], figure: str) -> Table:
+    title, digits = FIGURES[figure]
+    rows = []
+    for movement in world.TRUNKS:
+        values = {name: [f[name][figure] for t, f in results if t.movement == movement and figure in f[name]] for name in COUNTS}
+        ours = {name: spread(v) for name, v in values.items() if v}
+        if ours:
+            rows.append(Row(movement, ours))
+    return Table(title, tuple(COUNTS), tuple(rows), head="movement", digits=digits)
+
+
+def _mean(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) -> float:
+    return spread(f["four"][figure] for t, f in results if t.movement == movement).mean
+
+
+def _setting() -> tuple[str, ...]:
+    return (
+        "Motion, field and sensors come from a simulator of its own (app/reproduce/independent_world.py: numpy and scipy, nothing of the estimators or of their simulator), are written as Motion-BIDS in deg/s and uT, and go the product's way: "
+        "the plate's calibration from a recording of it being turned, then `process` with its defaults, which are not told how large the simulated errors are.",
+        "Every seed is another plate, magnet, room and movement of 60 s, first 10 s left out: a rod of neodymium of 8 mm by 8 mm as currents around it (0.38 A m^2), reaches of least jerk to 12 to 38 cm, a trunk that breathes, leans and turns by up to 30 deg, or steps; "
+        "inertial sensors at 100 Hz (means over the sample, 0.3 deg/s and 0.05 m/s^2 of bias, 0.3 % of scale, 0.2 deg between axes), magnetometers at 75 Hz (0.35 uT of noise, 400 uT at most, 30 uT of hard iron, 4 % of soft iron, read up to 10 ms late), places told to 1 mm, the moment to 1 deg and 1 %; "
+        "a room whose field changes by 2.3 uT/m.",
+    )
+
+
+def _remarks() -> tuple[str, ...]:
+    return ("One magnetometer cannot contradict itself: all of it is marked doubtful, and no place is told.",)
