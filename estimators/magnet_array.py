@@ -86,7 +86,9 @@ def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
     return np.asarray(mag * UNITS[unit])
 
 
-def require_sense(earth: float | None, moment: float | None, limit: float | None, place_sd: float, calibration_sd: float | None) -> None:
+def require_sense(
+    earth: float | None, moment: float | None, limit: float | None, place_sd: float, calibration_sd: float | None, gradient: float
+) -> None:
     """InputError where what is told of an array is none in T, A m^2 and m."""
     if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
         raise InputError(f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T.")
@@ -100,6 +102,10 @@ def require_sense(earth: float | None, moment: float | None, limit: float | None
         raise InputError(f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m.")
     if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
         raise InputError(f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T.")
+    if not 0 <= gradient <= 1e-3:
+        raise InputError(
+            f"The array's gradient is told as {gradient:g} T/m; it is what the field changes by in a metre, some 5e-6 T/m in a room."
+        )
 
 
 def units_that_fit(strength: float, unit: str | float) -> list[str]:

@@ -18,6 +18,13 @@ GRID = 14  # places along each edge of the volume: even, so that none lies betwe
 ROUNDS = 30
 FARTHEST = 1.0  # m: a step that leads further from the array is cut
 OF_ONE = 6  # unknowns of a magnet
+SLOPES = 5  # of a field without curl and divergence that changes linearly
+_GRADIENTS = np.array(  # (5, 3, 3) orthonormal
+    [
+        *([[0, 1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),
+        *([[1, 0, 0], [0, -1, 0], [0, 0, 0]], np.diag([1, 1, -2]) / np.sqrt(3.0)),
+    ]
+) / np.sqrt(2.0)
 
 
 @dataclass(frozen=True)
@@ -31,15 +38,35 @@ class Told:
     noise: float  # T
     size_sd: float  # share
     louder: Array  # (n, magnetometers) standard deviations of readings over the noise
+    uneven: float = 0.0  # T/m, standard deviation of each slope of the field
+    evened: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
 
     def of(self, rows: NDArray[np.intp]) -> "Told":
-        return replace(self, y=self.y[rows], field=None if self.field is None else self.field[rows], louder=self.louder[rows])
+        return replace(self, y=self.y[rows], field=_at(self.field, rows), louder=self.louder[rows], evened=_at(self.evened, rows))
 
     def with_louder(self, louder: Array) -> "Told":
-        return replace(self, louder=louder)
+        """Slopes of the field are unknowns that are known to `uneven`: (I + S S')^-1/2 = I - E E' with S what they add to residuals."""
+        if not self.uneven:
+            return replace(self, louder=louder)
+        added = (linear(self.places) * self.uneven / (self.noise * louder[..., None, None])).reshape(len(louder), -1, SLOPES)
+        U, s, _ = np.linalg.svd(added, full_matrices=False)
+        return replace(self, louder=louder, evened=U * np.sqrt(1 - 1 / np.sqrt(1 + s**2))[:, None])
+
+    def evenly(self, values: Array) -> Array:
+        """Whitened values (n, axes, any), slopes of the field taken up."""
+        return values if self.evened is None else values - self.evened @ (np.swapaxes(self.evened, 1, 2) @ values)
 
     def repeated(self, times: int) -> "Told":
         return self.of(np.repeat(np.arange(len(self.y)), times))
+
+
+def _at(values: Array | None, rows: NDArray[np.intp]) -> Array | None:
+    return None if values is None else values[rows]
+
+
+def linear(places: Array) -> Array:
+    """Fields (magnetometers, 3, 5) of slopes of 1 T/m, none in the middle."""
+    return np.asarray(np.einsum("kij,lj->lik", _GRADIENTS, places - places.mean(axis=0)))
 
 
 def starts(told: Told, reach: float, regions: int) -> Array:
@@ -91,6 +118,7 @@ def residuals(x: Array, told: Told) -> tuple[Array, Array]:
     if told.field is None:
         blocks.append(np.eye(3) / told.louder[..., None, None])
     off, A = (left / noise).reshape(len(x), -1), np.concatenate(blocks, axis=-1).reshape(len(x), told.y[0].size, -1)
+    off, A = told.evenly(off[..., None])[..., 0], told.evenly(A)
     if told.size is not None:  # of the first
         length = np.linalg.norm(x[:, 3:6], axis=1)
         sharp = 1.0 / (told.size_sd * told.size)

@@ -8,7 +8,7 @@ Limits  with an unknown field three magnetometers at least, with a known one two
         is read (three magnetometers, or two in a known field, and no size told) several places explain a reading exactly, and nothing is found
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best o
 STRAIGHT = (
     0.05  # of the distance: a place less sure than this lies where the field bends, and standard deviations from its slope say nothing
 )
+SURE = 0.05  # m
 FIRST = 12  # rounds of all starts, where errors of the magnetometers' places count
 SAME, KEPT = 1e-3, 8  # m between places that are the same; places of a reading that are improved further
 PIECE = 4096  # readings at once
@@ -49,15 +50,16 @@ def located(
     size: float | None = None,
     noise: float = 0.5e-6,
     reach: float = 0.5,
-    sure: float = 0.05,
+    sure: float = SURE,
     size_sd: float = 1e-3,
     regions: int = REGIONS,
     place_sd: float = 0.0,
     worst: float = 3.0,
+    uneven: float = 0.0,
 ) -> Located:
     """The magnet at every reading; `field` (3,) or (n, 3) T in the base's frame, `size` of the moment in A m^2, noise T of an axis, reach m, sure m,
     `size_sd` as a share of the size, `place_sd` m of a magnetometer's place. What is left
-    is `worst` standard deviations (RMS) at most. More `regions` find more of the places that explain a reading as well."""
+    is `worst` standard deviations (RMS) at most. `uneven` T/m are the slopes of the field (magnet_uneven.py). More `regions` find more of the places that explain a reading as well."""
     if mag.ndim != 3 or mag.shape[1:] != (len(array), 3):
         raise InputError(f"Readings must be (n, {len(array)}, 3) for this constellation, they are {mag.shape}.")
     require_field(mag)
@@ -74,15 +76,20 @@ def located(
     rows = np.flatnonzero(good)
     for part in np.array_split(rows, max(1, -(-len(rows) // PIECE))):
         known, alike = None if field is None else background[part], np.ones((len(part), len(array)))
-        values = _solved(Told(y[part], array.places, known, size, noise, size_sd, alike), reach, regions, place_sd) if len(part) else ()
+        told_here = Told(y[part], array.places, known, size, noise, size_sd, alike, uneven).with_louder(alike)
+        values = _solved(told_here, reach, regions, place_sd) if len(part) else ()
         for whole, piece in zip(out, values):
             whole[part] = piece
     x, sd, left, misfit, dispute = out
-    distance = np.linalg.norm(x[:, None, :3] - array.places, axis=-1).min(axis=1)
-    found = (told > unknowns) & np.isfinite(misfit) & (misfit < worst) & (sd[:, :3].max(axis=1) < np.minimum(sure, STRAIGHT * distance))
+    found = (told > unknowns) & np.isfinite(misfit) & (misfit < worst) & (sd[:, :3].max(axis=1) < surest(x[:, :3], array, sure))
     return Located(
         x[:, :3], x[:, 3:6], x[:, 6:] if field is None else background.copy(), sd[:, :3], sd[:, 3:6], left, misfit, dispute >= 3, found
     )
+
+
+def surest(place: Array, array: Constellation, sure: float = SURE) -> Array:
+    """Standard deviations (n,) m that places (n, 3) may have."""
+    return np.asarray(np.minimum(sure, STRAIGHT * np.linalg.norm(place[:, None] - array.places, axis=-1).min(axis=1)))
 
 
 def _apart(x: Array, cost: Array) -> tuple[Array, Array, int]:
@@ -112,7 +119,7 @@ def _solved(told: Told, reach: float, regions: int, place_sd: float) -> tuple[Ar
         x, cost, many = _apart(x.reshape(n, many, 9), cost.reshape(n, many))
         x, cost = improved(x, told.repeated(many))
         best = np.arange(n) * many + cost.reshape(n, many).argmin(axis=1)
-        told = replace(told, louder=by_places(x[best], told, place_sd))
+        told = told.with_louder(by_places(x[best], told, place_sd))
         x, cost = improved(x, told.repeated(many))
     cost = cost.reshape(n, many)
     best = np.arange(n) * many + cost.argmin(axis=1)

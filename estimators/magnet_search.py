@@ -11,7 +11,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_localisation, magnet_second
+from estimators import magnet_length, magnet_localisation, magnet_second, magnet_uneven
+from estimators import quaternions as quat
+from estimators.magnet_fit import SLOPES, Told, by_places
 from estimators.magnet_localisation import Located
 from estimators.magnet_setup import Constellation
 from estimators.quaternions import Array
@@ -35,6 +37,7 @@ class Search:
     array: Constellation
     noise: float  # T
     place_sd: float  # m
+    uneven: float = 0.0  # T/m, of each slope of the field
 
     def of(self, rows: NDArray[np.intp]) -> "Search":
         return replace(self, t=self.t[rows], mag=self.mag[rows])
@@ -60,8 +63,8 @@ class Search:
 
     def _located(self, size: float | None, size_sd: float) -> Located:
         regions = MANY_REGIONS if len(self.array) <= FEW else magnet_localisation.REGIONS
-        worst = float(worst_misfit(len(self.array)))
-        told = {"size_sd": size_sd, "place_sd": self.place_sd, "worst": worst}
+        worst = float(worst_misfit(len(self.array), self.uneven))
+        told = {"size_sd": size_sd, "place_sd": self.place_sd, "worst": worst, "uneven": self.uneven}
         found = magnet_localisation.located(self.mag, self.array, None, size, self.noise, regions=regions, **told)
         return replace(found, found=found.found & ~found.disputed)
 
@@ -77,9 +80,10 @@ class Searched:
 def searched(search: Search, size: float | None, size_sd: float, least: float) -> Searched:
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
     search = _quieter(search, size, size_sd, least)
-    located = search.located(size, size_sd)
+    search, located = _with_slopes(search, search.located(size, size_sd), size, size_sd)
+    located = _length_counted(search, located, size, size_sd)
     looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
-    too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1))
+    too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1), search.uneven)
     better = chance < CHANCE
     strange, two = _around(search.t, located.misfit, too_much, CLOSE, MANY), _around(search.t, chance, better, CLOSE, MANY)
     seldom = np.full(len(search.t), np.nan)
@@ -89,10 +93,11 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     return Searched(search, replace(located, found=located.found & ~strange & ~two), strange, two)
 
 
-def worst_misfit(many: int | NDArray[np.intp]) -> Array:
-    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are."""
+def worst_misfit(many: int | NDArray[np.intp], uneven: float = 0.0) -> Array:
+    """What so many magnetometers may leave (RMS, standard deviations): nine unknowns explain a part of the errors, the more the fewer there are; slopes of the
+    field, too."""
     axes = np.maximum(3.0 * np.asarray(many), 1.0)
-    return np.asarray(WORST * np.sqrt(np.maximum(axes - UNKNOWNS, 1.0) / axes))
+    return np.asarray(WORST * np.sqrt(np.maximum(axes - UNKNOWNS - SLOPES * (uneven > 0), 1.0) / axes))
 
 
 def _nowhere(n: int) -> Located:
@@ -111,6 +116,50 @@ def _quieter(search: Search, size: float | None, size_sd: float, least: float) -
     return replace(search, noise=max(left, least)) if left < LESS * search.noise else search
 
 
+def explained(search: Search, located: Located, size: float | None, size_sd: float, rows: NDArray[np.intp]) -> tuple[Told, Array]:
+    """Readings whose places are known, by the magnetometers that answer in all of them, and the unknowns (n, 9) that explain them."""
+    x = np.concatenate([located.place, located.moment, located.field], axis=1)[rows]
+    y, ones = quat.rotate(search.array.q_bl, search.mag[rows]), np.ones((len(rows), len(search.array)))
+    told = Told(y, search.array.places, None, size, search.noise, size_sd, ones, search.uneven)
+    return told.with_louder(by_places(x, told, search.place_sd)), x
+
+
+def _with_slopes(search: Search, located: Located, size: float | None, size_sd: float) -> tuple[Search, Located]:
+    """With the field's slopes as unknowns where the readings show them; not where a second magnet explains most readings still better."""
+    rows, chips = _alike(search, located)
+    if not len(rows):
+        return search, located
+    told, x = explained(search.by(chips), located, size, size_sd, rows[:: -(-len(rows) // SAMPLED)])
+    found = magnet_uneven.uneven(told, x)
+    if found.chance > magnet_uneven.CHANCE or found.size <= search.uneven:
+        return search, located
+    allowed = replace(search, uneven=found.size)
+    places = allowed.located(size, size_sd)
+    chance = _chance(allowed, places, size, size_sd)
+    known = chance[np.isfinite(chance)]
+    return (search, located) if len(known) and np.median(known) < magnet_uneven.CHANCE else (allowed, places)
+
+
+def _length_counted(search: Search, located: Located, size: float | None, size_sd: float) -> Located:
+    """Places surely no better known than they are drawn by a length of the magnet that the readings show."""
+    rows, chips = _alike(search, located)
+    if not len(rows):
+        return located
+    told, x = explained(search.by(chips), located, size, size_sd, rows)
+    by_length = magnet_length.drawn(told, x, np.arange(0, len(rows), -(-len(rows) // SAMPLED)))
+    place_sd, moment_sd = located.place_sd.copy(), located.moment_sd.copy()
+    place_sd[rows] = np.hypot(place_sd[rows], by_length[:, :3])
+    moment_sd[rows] = np.hypot(moment_sd[rows], by_length[:, 3:])
+    sure = place_sd.max(axis=1) < magnet_localisation.surest(located.place, search.array)
+    return replace(located, place_sd=place_sd, moment_sd=moment_sd, found=located.found & sure)
+
+
+def _alike(search: Search, located: Located) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of places that the same magnetometers tell, as many as there are, and which those are."""
+    rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
+    return rows[np.isfinite(located.misfit[rows])], chips
+
+
 def _looked(t: Array) -> NDArray[np.intp]:
     """Readings of which a second magnet is asked: not more than are needed."""
     return np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + LOOKED, LOOKED)).clip(0, len(t) - 1))
@@ -123,7 +172,9 @@ def _chance(search: Search, located: Located, size: float | None, size_sd: float
         rows = some[among]
         part = Located(**{field.name: getattr(located, field.name)[rows] for field in fields(Located)})
         alike = search.of(rows).by(chips)
-        chance[rows] = magnet_second.second(alike.mag, alike.array, part, search.noise, search.place_sd, size, size_sd).chance
+        chance[rows] = magnet_second.second(
+            alike.mag, alike.array, part, search.noise, search.place_sd, size, size_sd, search.uneven
+        ).chance
     return chance
 
 

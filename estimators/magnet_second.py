@@ -13,7 +13,7 @@ from scipy.stats import f as f_distribution
 
 from estimators import dipole
 from estimators import quaternions as quat
-from estimators.magnet_fit import OF_ONE, Told, by_places, improved, residuals, starts
+from estimators.magnet_fit import OF_ONE, SLOPES, Told, by_places, improved, residuals, starts
 from estimators.magnet_localisation import Located
 from estimators.magnet_setup import Constellation
 from estimators.quaternions import Array
@@ -30,7 +30,14 @@ class Second:
 
 
 def second(
-    mag: Array, array: Constellation, found: Located, noise: float, place_sd: float, size: float | None = None, size_sd: float = 1e-3
+    mag: Array,
+    array: Constellation,
+    found: Located,
+    noise: float,
+    place_sd: float,
+    size: float | None = None,
+    size_sd: float = 1e-3,
+    uneven: float = 0.0,
 ) -> Second:
     """Of readings (n, magnetometers, 3), T, in which `found` is the one magnet, in a field that nobody told; the rest as told to `located`."""
     out = Second(np.full(len(mag), np.nan), np.full((len(mag), 3), np.nan))
@@ -38,7 +45,7 @@ def second(
     if len(array) < FEWEST or not len(rows):
         return out
     one = np.concatenate([found.place, found.moment, found.field], axis=1)[rows]
-    told = Told(quat.rotate(array.q_bl, mag[rows]), array.places, None, size, noise, size_sd, np.ones((len(rows), len(array))))
+    told = Told(quat.rotate(array.q_bl, mag[rows]), array.places, None, size, noise, size_sd, np.ones((len(rows), len(array))), uneven)
     told = told.with_louder(by_places(one, told, place_sd))
     left = told.y - one[:, None, OF_ONE:] - dipole.field(one[:, None, :3] - told.places, one[:, None, 3:OF_ONE])
     other = starts(Told(left, told.places, None, None, noise, size_sd, told.louder), REACH, 1)[:, 0]
@@ -46,7 +53,7 @@ def second(
         np.concatenate([one[:, :OF_ONE], other[:, :OF_ONE], one[:, OF_ONE:] + other[:, OF_ONE:]], axis=1), told, ROUNDS
     )
     off, A = residuals(one, told)
-    with_one, spare = (off**2).sum(axis=1), off.shape[1] - A.shape[2] - OF_ONE
+    with_one, spare = (off**2).sum(axis=1), max(1, off.shape[1] - A.shape[2] - OF_ONE - SLOPES * (uneven > 0))
     better = (with_one - with_two) / OF_ONE / np.maximum(with_two / spare, 1e-12)
     out.chance[rows], out.place[rows] = f_distribution.sf(better, OF_ONE, spare), both[:, OF_ONE : OF_ONE + 3]
     return out

@@ -14,7 +14,20 @@ from estimators.quaternions import Array
 PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
 ISO = "iso"
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
-ENTRIES = ("unit", "earth", "limit", "moment", "place_sd", "calibration_sd", "time", "rate", "sensor", "columns", "magnetometers")
+ENTRIES = (
+    "unit",
+    "earth",
+    "limit",
+    "moment",
+    "place_sd",
+    "calibration_sd",
+    "gradient",
+    "time",
+    "rate",
+    "sensor",
+    "columns",
+    "magnetometers",
+)
 OF_EACH = ("place", "q_bl", "columns")
 Column = str | int  # its name, or its number counted from 1
 
@@ -43,6 +56,7 @@ class Described:
     moment: float | None  # A m^2
     place_sd: float  # m
     calibration_sd: float | None  # T, of readings that are calibrated already
+    gradient: float  # T/m by which the field may change across the array
     time: Timing
     columns: Mapping[str, tuple[Column, ...]]  # x, y, z of those that tell them
     sensor: Column | None = None  # says whose a row is, where every row is one magnetometer's
@@ -72,8 +86,10 @@ def _described(told: Mapping[str, Any]) -> Described:
     turns = [one.get("q_bl") for one in each.values()]
     if any(turn is None for turn in turns) and any(turn is not None for turn in turns):
         raise InputError("Tell q_bl of every magnetometer of the array or of none.")
-    numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "rate")
-    earth, limit, moment, place_sd, calibration_sd, rate = (None if told.get(key) is None else _finite(told[key], key) for key in numbers)
+    numbers = ("earth", "limit", "moment", "place_sd", "calibration_sd", "gradient", "rate")
+    earth, limit, moment, place_sd, calibration_sd, gradient, rate = (
+        None if told.get(key) is None else _finite(told[key], key) for key in numbers
+    )
     unit, sensor = told["unit"], told.get("sensor")
     if "columns" in told and sensor is None:
         raise InputError(
@@ -94,6 +110,7 @@ def _described(told: Mapping[str, Any]) -> Described:
         moment,
         PLACE_SD if place_sd is None else place_sd,
         calibration_sd,
+        gradient or 0.0,
         _timing(told.get("time"), rate),
         alike or {name: _columns(name, one["columns"]) for name, one in each.items() if "columns" in one},
         sensor,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from app.commands.words import say
-from estimators import magnet_array, magnet_search, magnet_setup
+from estimators import magnet_array, magnet_search, magnet_setup, magnet_uneven
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.magnet_array import Turned
@@ -28,6 +28,7 @@ COLUMNS = (
 MOMENT = 0.015  # of the moment: how well it is known, and the dipole as a model; as magnet_options.py has it
 UNCALIBRATED = 2e-6  # T an axis that is counted for magnetometers of which nobody says how they are calibrated
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % either way (AK8975, HMC5883L)
+UNSEEN = 5e-6  # T/m: of such a field few magnetometers say what it would do; ours, a room with steel some metres away
 TRIED = 200  # readings that are looked at once more without the moment told
 RATES = (2.0, 5000.0)  # Hz: readings that come slower or faster were hardly stamped in seconds
 
@@ -60,7 +61,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     array = described(arguments.array)
-    magnet_array.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd)
+    magnet_array.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient)
     read = _read(arguments.recording, array)
     limit = None if array.limit is None else float(magnet_array.in_tesla(np.array(array.limit), array.unit, array.earth))
     looked = magnet_array.looked(read.t, read.mag, limit)
@@ -75,11 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
         told += [] if array.calibration_sd is not None else [_not_calibrated(left)]
+    guessed = left if not arguments.turned and array.calibration_sd is None else 0.0
     left = max(left, 1e-8)
     told += _slow(read)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
     noise = float(np.hypot(np.median(looked.noise * gains), left))
-    search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd)
+    slopes = magnet_uneven.slope_of(array.gradient)
+    search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd, slopes)
     answer = magnet_search.searched(search, array.moment, size_sd, left)
     located = _gain_counted(answer.located, size_sd)
     doubted = _moment_doubted(answer.search, array.moment, located)
@@ -89,9 +92,9 @@ def run(arguments: argparse.Namespace) -> int:
         [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
     )
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
-    for sentence in [*told, *_strange(array, mag, located), *doubted]:
+    for sentence in [*told, *_uneven(answer, slopes), *_strange(array, mag, located), *doubted]:
         say(f"warning: {sentence}")
-    for sentence in _answer(read, answer, located):
+    for sentence in [*_answer(read, answer, located, guessed), *_few(answer, located, array.moment, size_sd)]:
         say(sentence)
     return 0
 
@@ -138,19 +141,42 @@ def _calibrated(array: Described, found: Turned) -> list[str]:
     return said
 
 
-def _answer(read: Read, searched: Searched, located: Located) -> list[str]:
+def _uneven(searched: Searched, told: float) -> list[str]:
+    """A sentence where readings show that the field changes across the array more than was told."""
+    if searched.search.uneven <= told:
+        return []
+    change = magnet_uneven.change_of(searched.search.uneven)
+    return [
+        f"the field changes by about {1e6 * change:.2g} uT a metre across the array: iron is near; what it changes by counts as unknown, places are less sure for it"
+    ]
+
+
+def _few(searched: Searched, located: Located, moment: float | None, size_sd: float) -> list[str]:
+    """What magnetometers that are too few to see it do not tell."""
+    rows = np.flatnonzero(located.found & np.isfinite(searched.search.mag).all(axis=(1, 2)))
+    if len(searched.search.array) >= magnet_uneven.FEWEST or searched.search.uneven or not len(rows):
+        return []
+    told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows)
+    off = 1e3 * float(np.median(magnet_uneven.misplaced(told, x, UNSEEN)))
+    return [
+        f"{len(searched.search.array)} magnetometers cannot tell a field that changes across the array: {1e6 * UNSEEN:.0f} uT a metre would draw places by {off:.2g} mm (median); "
+        "tell `gradient` in the array's file if iron is near"
+    ]
+
+
+def _answer(read: Read, searched: Searched, located: Located, guessed: float) -> list[str]:
     """In words: how often a place was found and how well."""
     found = located.found
     said = [
         f"{len(read.t)} readings of {read.mag.shape[1]} magnetometers in {read.t[-1]:.1f} s; noise and calibration {1e6 * searched.search.noise:.2g} uT an axis",
     ]
     if not found.any():
-        return [*said, f"no magnet is found: {_why(searched, located)}"]
+        return [*said, f"no magnet is found: {_why(searched, located, guessed)}"]
     sd, size = np.linalg.norm(located.place_sd[found], axis=1), np.linalg.norm(located.moment[found], axis=1)
     return [
         *said,
         f"magnet found in {100 * found.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
-        *([f"not found in the others: {_why(searched, located)}"] if not found.all() else []),
+        *([f"not found in the others: {_why(searched, located, guessed)}"] if not found.all() else []),
     ]
 
 
@@ -217,8 +243,8 @@ def _moment_doubted(search: Search, moment: float | None, located: Located) -> l
     ]
 
 
-def _why(searched: Searched, located: Located) -> str:
-    """Why places are not told, of what is most often so."""
+def _why(searched: Searched, located: Located, guessed: float) -> str:
+    """Why places are not told, of what is most often so; `guessed` T is counted for calibrations that nobody told of."""
     lost = ~located.found
     if np.isnan(located.left[lost]).mean() > 0.5:
         return "readings are missing or at their limit"
@@ -227,5 +253,10 @@ def _why(searched: Searched, located: Located) -> str:
     if (searched.strange | searched.two)[lost].mean() > 0.5:
         return (
             "the readings are not those of one magnet in a homogeneous field: a second magnet, iron near, wrong places, or no calibration"
+        )
+    if guessed:
+        return (
+            f"the magnet is too far away or too near for a sure place with the {1e6 * guessed:.2g} uT an axis that are counted because nobody says how the array is "
+            "calibrated: give --turned, or tell `calibration_sd` in the array's file"
         )
     return "the magnet is too far away or too near for a sure place"

@@ -128,6 +128,25 @@ def test_without_calibration_it_is_said(bench: tuple[Path, Path, Array, Array], 
     assert "not calibrated" in capsys.readouterr().out
 
 
+def test_what_is_told_of_calibration_and_of_the_field_is_counted(
+    bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Readings without iron in the board's axes."""
+    folder, board, B, _ = bench
+    read = 1e4 * (B[:20] + NOISE * np.random.default_rng(2).normal(size=B[:20].shape))
+    rows = np.column_stack([np.arange(20) / RATE, read.reshape(20, -1)])
+    np.savetxt(folder / "magnet.csv", rows, delimiter=",", header=HEADER, comments="", fmt="%.7f")
+    assert (_located(folder, board, turned=False)["found"] > 0.5).mean() < 1.0
+    assert "with the 2 uT an axis that are counted because nobody says how the array is calibrated" in capsys.readouterr().out
+    told, sds = board.read_text(), []
+    for more in ("", ', "gradient": 2e-5'):
+        board.write_text(told.replace('"G"', f'"G", "calibration_sd": 2e-7{more}'))
+        sds.append(np.median(_located(folder, board, turned=False)["z_sd"]))
+        said = capsys.readouterr().out
+        assert ("5 magnetometers cannot tell a field that changes across the array: 5 uT a metre would draw places by" in said) is not more
+    assert sds[1] > 1.1 * sds[0]
+
+
 def test_a_wrong_unit_and_a_wrong_moment_are_named(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
     """Gauss told as mT: ten times as much, the place the same, the moment ten times too large."""
     folder, board, B, _ = bench

@@ -1,0 +1,53 @@
+"""What one magnet without length in an even field leaves of readings: slopes of the field are told from noise and counted, so is a magnet's length."""
+
+import numpy as np
+import pytest
+
+from estimators import magnet_fit, magnet_search, magnet_uneven
+from estimators import magnet_setup as setup
+from estimators.magnet_search import Search, Searched
+from estimators.quaternions import Array
+from estimators.simulation.magnetic_field import MagneticField
+
+NOISE, FIELD = 0.2e-6, np.array([0.0, 18.6e-6, -46.2e-6])
+NINE = np.array([[x, y, 0.0] for x in (-0.05, 0.0, 0.05) for y in (-0.05, 0.0, 0.05)])
+FIVE = np.array([[-0.08, -0.08, 0.0], [0.08, -0.08, 0.0], [-0.08, 0.08, 0.0], [0.08, 0.08, 0.0], [0.0, 0.0, 0.0]])
+GRADIENT = 20e-6 * np.array([[0.9, 0.4, 0.6], [0.4, 0.2, -0.5], [0.6, -0.5, -1.1]])  # T/m
+
+
+def _searched(places: Array, nearest: float, gradient: Array, length: float) -> tuple[Searched, Array]:
+    """What is found of a magnet of that length that goes round before the array, and where it was."""
+    rng, t = np.random.default_rng(len(places)), np.arange(40) / 10
+    p = np.column_stack([0.04 * np.cos(3 * t), 0.04 * np.sin(2 * t), nearest * (1.4 + 0.4 * np.sin(1.3 * t))])
+    along = np.column_stack([np.cos(t), np.sin(t), np.ones(len(t))]) / np.sqrt(2.0)
+    parts = length * np.linspace(-0.5, 0.5, 9)
+    B = np.array([[MagneticField(FIELD, (a + s * u)[None], 0.4 * u[None]).at(places) for s in parts] for a, u in zip(p, along)]).mean(
+        axis=1
+    )
+    mag = B + places @ gradient + NOISE * rng.normal(size=B.shape)
+    search = Search(t, mag, setup.constellation(places), 1.5 * NOISE, 5e-4)
+    return magnet_search.searched(search, None, 0.03, NOISE), p
+
+
+@pytest.mark.parametrize(("places", "nearest", "gradient", "length"), [(NINE, 0.08, GRADIENT, 0.0), (FIVE, 0.04, 0 * GRADIENT, 0.03)])
+def test_places_stay_honest_where_the_field_changes_or_the_magnet_is_long(
+    places: Array, nearest: float, gradient: Array, length: float
+) -> None:
+    found, p = _searched(places, nearest, gradient, length)
+    ok = found.located.found
+    assert ok.mean() > 0.3
+    assert (((found.located.place - p) / found.located.place_sd)[ok] ** 2).mean() < 1.5
+    if length == 0.0:
+        np.testing.assert_allclose(magnet_uneven.change_of(found.search.uneven), np.sqrt((gradient**2).sum() / 3), rtol=0.5)
+
+
+def test_nothing_is_counted_where_field_and_magnet_are_as_assumed() -> None:
+    found, _ = _searched(NINE, 0.08, 0 * GRADIENT, 0.0)
+    assert found.search.uneven == 0.0 and found.located.found.mean() > 0.7
+
+
+def test_slopes_have_neither_curl_nor_divergence_and_are_alike() -> None:
+    slopes = np.moveaxis(magnet_fit.linear(np.vstack([np.eye(3), -np.eye(3)]))[:3], -1, 0)  # (5, along, of)
+    np.testing.assert_allclose(slopes, np.swapaxes(slopes, 1, 2), atol=1e-12)
+    np.testing.assert_allclose(np.trace(slopes, axis1=1, axis2=2), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.einsum("kij,lij->kl", slopes, slopes), np.eye(5), atol=1e-12)
