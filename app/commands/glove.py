@@ -1,6 +1,7 @@
 """`handscope glove`: a virtual glove behind a pseudo-terminal that speaks the wire protocol of a real one."""
 
 import argparse
+import json
 import select
 import signal
 import sys
@@ -15,10 +16,11 @@ from app.commands.words import say, seed
 from app.devices.virtual_glove import terminal
 from app.devices.virtual_glove.faults import FaultParams, Faults
 from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.flash import Flash, delivered
+from app.devices.virtual_glove.flash import Flash, delivered, require_fitting
 from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
 from estimators import full_scales
 from estimators.errors import InputError
+from estimators.force.setup import ForceSetup, setups_from
 from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import sized
 from estimators.samples import GYR
@@ -44,6 +46,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--format", choices=("int16", "float32"), default=None, help="how samples travel (int16; float32 for --replay)")
     parser.add_argument("--seed", type=seed, default=0)
+    parser.add_argument(
+        "--force-setup",
+        type=Path,
+        metavar="FILE.json",
+        help="what `calibrate-force` found: the force sensors send what they read, and the glove tells the calibration",
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--task", metavar="T", help=f"what the built-in patient does over and over: {', '.join(tasks.TASKS)}; without it, what it is told"
@@ -74,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         device_id=0x5C09E0 + arguments.seed, drift=arguments.drift * 1e-6, format=Format.INT16 if kind == "int16" else Format.FLOAT32
     )
     flash = Flash() if arguments.replay else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
+    if arguments.force_setup:
+        flash.forces = _forces(arguments.force_setup, wearer)
     script = terminal.Script(_actions(arguments, [s.name for s in wearer.streams]))
     faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
     say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}")
@@ -117,6 +127,19 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
             raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(tasks.TASKS)}")
         person.repeat = arguments.task
     return person
+
+
+def _forces(path: Path, wearer: Wearer) -> dict[str, ForceSetup]:
+    """By point, of the force sensors that are worn."""
+    try:
+        told = json.loads(path.read_text("utf-8"))["ForceSetup"]
+        forces = setups_from(told)
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from problem
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise InputError(f"{path.name} holds no ForceSetup; `handscope calibrate-force` writes one") from problem
+    require_fitting(forces, wearer.streams)
+    return forces
 
 
 def _rates(words: list[str]) -> tuple[float, dict[str, float]]:

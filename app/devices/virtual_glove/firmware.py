@@ -12,6 +12,7 @@ from app.devices.virtual_glove.flash import Flash
 from app.devices.virtual_glove.wearer import Wearer
 from estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
 from sessions.wire import messages as wire
+from sessions.wire.force_told import ForceTold
 from sessions.wire.framing import LONGEST, Decoder, Encoder
 from sessions.wire.sample_values import data_of
 
@@ -146,7 +147,7 @@ class Firmware:
         b = self.build
         told: list[wire.Message] = [wire.Identity(b.device_id, b.boot_id, self.wearer.hand, b.name, b.firmware)]
         for s in self._strips():
-            told += [self._strip(s), *(self._calibrations(s) if s.name in self.flash.kept and s.name not in self._pulled else ())]
+            told += [self._strip(s), *(self._calibrations(s) if self.flash.is_raw(s) and s.name not in self._pulled else ())]
         if self.wearer.plate is not None:
             told.append(self.wearer.plate)
         return told + [self._info(n, s) for n, s in enumerate(self.wearer.streams) if s.name not in self._pulled]
@@ -158,17 +159,18 @@ class Firmware:
     def _slot(self, s: Stream) -> int:
         return SLOTS.index(s.name) if s.name in SLOTS else len(SLOTS) + sorted(x.name for x in self._strips()).index(s.name)
 
-    def _calibrations(self, s: Stream) -> list[wire.StripCalibration]:
-        return self.flash.told(s.name, self._slot(s), len(s.sensors))
+    def _calibrations(self, s: Stream) -> list[wire.StripCalibration | ForceTold]:
+        return self.flash.told(s, self._slot(s))
 
     def _strip(self, s: Stream) -> wire.Strip:
-        slot, raw = self._slot(s), s.name in self.flash.kept
+        slot, raw = self._slot(s), self.flash.is_raw(s)
         q = [self.wearer.mounting.get(point, np.array([1.0, 0, 0, 0])) for point in s.sensors]
         mounting = tuple(float(x) for x in np.concatenate(q)) if self.wearer.mounting else ()
         return wire.Strip(slot, s.name not in self._pulled, 0xA000 + 16 * self.build.device_id + slot, s.sensors, mounting, raw)
 
     def _info(self, number: int, s: Stream) -> wire.StreamInfo:
-        full = tuple(float(s.full_scale.get(q, 0.0)) for q in s.quantities)
+        limits = self.flash.full_scale(s)
+        full = tuple(float(limits.get(q, 0.0)) for q in s.quantities)
         counts = self.build.format is wire.Format.INT16
         limit = {GYR: 40.0, MAG: 4.9e-3, FORCE: 100.0, TORQUE: 1.0}
         scale = tuple((f or limit.get(q, 160.0)) / 32767 if counts else 1.0 for q, f in zip(s.quantities, full))

@@ -1,7 +1,7 @@
 """The flash of a virtual glove's strips: the errors with which their sensors read, and the calibrations kept for the host to remove them.
 
 reading = inverse(matrix) @ truth + bias. As delivered a strip keeps just what removes its errors; a calibration written later takes that one's place
-and leaves the errors as they are.
+and leaves the errors as they are. Force sensors read newtons, or, where somebody has a calibration of theirs, what it turns to newtons.
 """
 
 from collections.abc import Sequence
@@ -9,11 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from estimators.errors import InputError
+from estimators.force.sensor import ForceCalibration
+from estimators.force.setup import ForceSetup
 from estimators.gravity import GRAVITY
 from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
 from sessions.wire.assembly import correction_of, message_of
+from sessions.wire.force_told import ForceTold
 from sessions.wire.messages import StripCalibration
 
 BIAS = {
@@ -31,9 +35,29 @@ class Flash:
 
     errors: dict[str, list[ImuCalibration]] = field(default_factory=dict)  # what would remove the sensors' true errors
     kept: dict[str, list[ImuCalibration]] = field(default_factory=dict)
+    forces: dict[str, ForceSetup] = field(default_factory=dict)  # by point, of force sensors that send what they read
+
+    def is_raw(self, stream: Stream) -> bool:
+        """Whether the strip leaves it to the host to correct what it sends."""
+        return stream.name in self.kept or (FORCE in stream.quantities and bool(self.forces))
+
+    def full_scale(self, stream: Stream) -> dict[str, float]:
+        """Of what is sent: that of force sensors is the largest reading under all loads that they can tell."""
+        limits = dict(stream.full_scale)
+        if FORCE in stream.quantities and self.forces:
+            loads = np.repeat([limits[q] for q in stream.quantities], 3)
+            reach = [
+                np.abs(np.linalg.inv(c.matrix)) @ loads[: len(c.offset)] + np.abs(c.offset)
+                for c in (_calibration(self.forces[point]) for point in stream.sensors)
+            ]
+            limits |= {q: float(max(r[stream.axes(q)].max() for r in reach)) for q in stream.quantities}
+        return limits
 
     def readings(self, stream: Stream, truth: Array) -> Array:
         """What the stream's sensors read (n, sensors, axes) where the truth is this."""
+        if FORCE in stream.quantities and self.forces:
+            told = [_calibration(self.forces[point]) for point in stream.sensors]
+            return np.stack([truth[:, k] @ np.linalg.inv(c.matrix).T + c.offset for k, c in enumerate(told)], axis=1)
         if stream.name not in self.errors:
             return truth
         read = truth.copy()
@@ -43,9 +67,11 @@ class Flash:
                 read[:, k, stream.axes(quantity)] = truth[:, k, stream.axes(quantity)] @ np.linalg.inv(matrix).T + bias
         return read
 
-    def told(self, strip: str, slot: int, sensors: int) -> list[StripCalibration]:
+    def told(self, stream: Stream, slot: int) -> list[StripCalibration | ForceTold]:
         """The messages that say what is kept for a strip."""
-        return [message_of(c, slot, k) for k, c in enumerate(self.kept.get(strip, [ImuCalibration()] * sensors))]
+        if FORCE in stream.quantities and self.forces:
+            return [_message(self.forces[point], slot, k) for k, point in enumerate(stream.sensors)]
+        return [message_of(c, slot, k) for k, c in enumerate(self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors)))]
 
     def keep(self, strip: str, message: StripCalibration) -> bool:
         """Take a calibration in; False where the strip keeps none for that sensor."""
@@ -59,6 +85,34 @@ def delivered(streams: Sequence[Stream], rng: np.random.Generator) -> Flash:
     """Strips as the factory calibrated them."""
     errors = {s.name: [_drawn(rng) for _ in s.sensors] for s in streams if not {FORCE, TORQUE} & set(s.quantities)}
     return Flash(errors, {name: list(calibrations) for name, calibrations in errors.items()})
+
+
+def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) -> None:
+    """InputError where calibrations are not those of the glove's force sensors."""
+    worn = next((s for s in streams if FORCE in s.quantities), None)
+    if worn is None:
+        raise InputError("a calibration of force sensors is told, and no strip has any; plug in the strip 'force'")
+    axes = 3 * len(worn.quantities)
+    for point in worn.sensors:
+        one = forces.get(point)
+        if one is None or one.calibration is None:
+            raise InputError(
+                f"ForceSetup tells no matrix of {point}; `handscope calibrate-force --finger {point.split('_')[0]}` adds it to the file"
+            )
+        if one.calibration.matrix.shape != (axes, axes):
+            read = " by ".join(str(n) for n in one.calibration.matrix.shape)
+            raise InputError(f"ForceSetup of {point} has a matrix of {read}; this glove's sensors send {axes} numbers each")
+
+
+def _calibration(setup: ForceSetup) -> ForceCalibration:
+    assert setup.calibration is not None
+    return setup.calibration
+
+
+def _message(setup: ForceSetup, slot: int, sensor: int) -> ForceTold:
+    numbers = (np.ravel(part).astype("<f4") for part in (_calibration(setup).offset, _calibration(setup).matrix))
+    offset, matrix = (tuple(map(float, part)) for part in numbers)
+    return ForceTold(slot, sensor, setup.scale_sd, setup.turn_sd, offset, matrix)
 
 
 def _drawn(rng: np.random.Generator) -> ImuCalibration:

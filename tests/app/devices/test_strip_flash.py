@@ -10,12 +10,14 @@ import pytest
 from app.cli import main
 from app.devices import strip_flash
 from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.flash import Flash, delivered
+from app.devices.virtual_glove.flash import Flash, delivered, require_fitting
 from app.devices.virtual_glove.wearer import SimulatedPerson, layout
 from estimators.errors import InputError
+from estimators.force.sensor import ForceCalibration
+from estimators.force.setup import ForceSetup
 from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event, Stream
+from estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
 from estimators.simulation.sensors import IDEAL
 from sessions import native
 from sessions.recorder import Recorder
@@ -145,3 +147,44 @@ def test_all_three_quantities_have_errors_to_remove() -> None:
     for calibration in flashed().errors["index"]:
         assert set(calibration.matrix) == set(CALIBRATED)
         assert not calibration.trivial
+
+
+def felt(flash: Flash, strips: tuple[str, ...] = ("thumb", "index", "force")) -> Firmware:
+    wearer = SimulatedPerson("left", person().geometry, layout(strips, 100.0), np.random.default_rng(3), person().errors)
+    return Firmware(wearer, replace(Build(), format=wire.Format.FLOAT32), np.random.default_rng(4), flash)
+
+
+@pytest.mark.parametrize("axes", [3, 6])
+def test_force_sensors_send_what_they_read_where_a_calibration_is_told(axes: int) -> None:
+    """Recorded raw, opened in newtons: as a glove tells them that corrects itself."""
+    rng, strips = np.random.default_rng(axes), ("thumb", "index", "force", "torque")[: 3 + (axes == 6)]
+    found = [ForceCalibration(5 * (np.eye(axes) + 0.1 * rng.normal(size=(axes, axes))), rng.normal(size=axes), 0.008) for _ in range(2)]
+    points = ("thumb_tip_force", "index_tip_force")
+    setups = {point: ForceSetup(0.008, (), one, 0.006) for point, one in zip(points, found)}
+    newtons, told, sent = (
+        next(b for b in play(felt(flash, strips), 1.0, Assembler(correct=correct)).values() if FORCE in b.stream.quantities)
+        for flash, correct in ((Flash(), True), (Flash(forces=setups), True), (Flash(forces=setups), False))
+    )
+    np.testing.assert_allclose(told.values, newtons.values, atol=1e-4)
+    np.testing.assert_allclose(found[0].corrected(sent.values[:, 0]), newtons.values[:, 0], atol=1e-4)
+    assert told.stream.scale_sd == dict.fromkeys(points, pytest.approx(0.008))
+    assert told.stream.turn_sd == dict.fromkeys(points, pytest.approx(0.006))
+
+
+def test_a_calibration_that_is_not_the_gloves_is_refused() -> None:
+    one = ForceSetup(0.01, (), ForceCalibration(np.eye(3), np.zeros(3), 0.01))
+    for forces, strips, said in (
+        (
+            {"thumb_tip_force": one},
+            ("thumb", "index", "force"),
+            r"no matrix of index_tip_force; `handscope calibrate-force --finger index`",
+        ),
+        (
+            dict.fromkeys(("thumb_tip_force", "index_tip_force"), one),
+            ("thumb", "index", "force", "torque"),
+            "3 by 3; this glove's sensors send 6",
+        ),
+        ({"thumb_tip_force": one}, ("thumb",), "no strip has any; plug in the strip 'force'"),
+    ):
+        with pytest.raises(InputError, match=said):
+            require_fitting(forces, layout(strips, 100.0))
