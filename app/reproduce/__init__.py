@@ -25,6 +25,8 @@ REPRODUCTIONS = {
     "kortier5": "the hand followed by a magnet (Kortier's thesis, ch. 5)",
     "independent-reach": "the hand followed by a magnet in a world that is not ours: another simulator, through files",
     "kortier6": "mass and stiffness of what the fingers hold (Kortier's thesis, ch. 6)",
+    "independent-grasp": "what the fingers hold, by a simulator that shares nothing with the program",
+    "independent-array": "a magnet before a board of magnetometers, by a simulator that shares nothing with the program",
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",
     "drift": "10 and 60 minutes without magnetometers",
