@@ -85,9 +85,12 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     left_out: list[int] = []
     while len(left_out) < most and len(strange := _strangers(params.chance, raw[rows], loads[rows])):
         if len(strange) > 1:
-            both = " and ".join(names[rows[k]] if names else f"load {1 + rows[k]}" for k in sorted(strange[:2]))
+            both = _named(sorted(int(row) for row in rows[strange[:2]]), names)
             raise InputError(f"{both} of the table contradict each other; look at both, directions and signs first")
         left_out.append(int(rows[strange[0]]))
+        if len(left_out) > 1 and len(rows) + len(left_out) - 1 < m + 1 + SPARE * (len(left_out) + 1):
+            said = _named(sorted(left_out), names)
+            raise InputError(f"{said} of the table do not belong to the others, and those are too few to tell; look at them, or add loads")
         rows = np.delete(rows, strange[0])
         _require(raw[rows], loads[rows])
     raw, loads = raw[rows], loads[rows]
@@ -112,6 +115,10 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
     calibration = ForceCalibration(matrix, offset, scale)
     return Solved(calibration, matrix_sd, offset_sd, left, len(raw), tuple(sorted(left_out)), one_way, heaviest, turn)
+
+
+def _named(rows: Sequence[int], names: Sequence[str]) -> str:
+    return " and ".join(names[row] if names else f"load {1 + row}" for row in rows)
 
 
 def stuck(values: Array) -> NDArray[np.bool_]:
@@ -159,7 +166,11 @@ def _require(raw: Array, loads: Array) -> None:
 
 
 def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
-    """The rows without which each channel's sum of squares falls by more than luck explains, the strangest first; of several each alone would do it."""
+    """The rows without which each channel's sum of squares falls by more than luck explains, the strangest first; of several each alone would do it.
+
+    Of two rows with loads that are much alike one that is wrong draws the other's residual along. That goes as soon as the strangest one is away: a row
+    without which more is left than luck makes of what is left without the strangest is not the wrong one.
+    """
     design = _design(loads)
     n, p = design.shape
     if n - 1 - p < SPARE:
@@ -174,7 +185,10 @@ def _strangers(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     each = stats.f.logsf(falls / rest * (n - 1 - p), 1, n - 1 - p)
     luck = n * stats.chi2.sf(-2 * each.sum(axis=1), 2 * raw.shape[1])  # Fisher's: the channels' noise is taken to be independent
     order = np.argsort(luck)
-    return np.asarray(order[luck[order] < chance])
+    strange = order[luck[order] < chance]
+    more = stats.f.logsf(rest[strange] / rest[order[0]], n - 1 - p, n - 1 - p)
+    alike = n * stats.chi2.sf(-2 * more.sum(axis=1), 2 * raw.shape[1]) >= chance
+    return np.asarray(strange[alike])
 
 
 def _missed(loads: Array, left: Array, unknown: Array) -> float:

@@ -55,6 +55,38 @@ def test_a_load_that_was_written_down_wrongly_is_named_and_left_out() -> None:
     assert solve(SolveParams(), raw, loads).used == len(loads) - 2
 
 
+def thirteen(axes: int, seed: int) -> tuple[np.random.Generator, Array, Array]:
+    """Loads and readings: one weight in each of six positions twice, and nothing."""
+    rng = np.random.default_rng([seed, axes])
+    forces = 9.81 * np.vstack([0.5 * WAYS, 0.2 * WAYS])
+    loads = np.vstack([np.hstack([forces, np.cross(rng.uniform(-0.02, 0.02, forces.shape), forces)])[:, :axes], np.zeros(axes)])
+    gains = 0.1 * np.eye(axes) + 0.02 * rng.normal(size=(axes, axes))
+    return rng, loads, loads @ gains.T + rng.normal(size=axes) + 1e-3 * rng.normal(size=loads.shape)
+
+
+def left_out(raw: Array, loads: Array) -> tuple[int, ...] | None:
+    """None: refused."""
+    try:
+        return solve(SolveParams(), raw, loads).left_out
+    except InputError:
+        return None
+
+
+@pytest.mark.parametrize("axes", [3, 6])
+def test_of_thirteen_rows_the_wrong_one_is_named_and_of_two_wrong_ones_no_other(axes: int) -> None:
+    named = 0
+    for seed in range(60):
+        rng, loads, raw = thirteen(axes, seed)
+        wrong, other, third = rng.choice(13, 3, replace=False)
+        loads[wrong] = loads[other]
+        found = left_out(raw, loads)
+        assert found in ((wrong,), None)
+        named += found is not None
+        loads[third] = loads[other]
+        assert left_out(raw, loads) in (None, tuple(sorted((wrong, third))))
+    assert named >= 58
+
+
 def test_a_sensor_that_saturates_is_as_unsure_as_it_bends_and_readings_of_other_loads_are_refused() -> None:
     loads, raw, _, _ = read(3, 3, 2)
     straight, bent = (solve(SolveParams(chance=0.0), y, loads).calibration.scale_sd for y in (raw, np.tanh(raw - raw[-1])))
