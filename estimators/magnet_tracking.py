@@ -31,7 +31,7 @@ from estimators.sensor_fusion import upright
 ROOM = 1e-6  # T by which the field of a room differs from the earth's
 PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
-LISTENED = 32  # first whole readings that tell the magnetometers' noise: to 7 % with four of them
+LISTENED = (32, 256)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
 QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
 SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
 LOUDER = 1.5  # times what was told from which on all is begun anew
@@ -133,17 +133,27 @@ def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State,
         return _advanced(params, state, readings)
     fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
     heard = np.concatenate([state.heard, readings.mag[fresh]])
-    if len(heard) < LISTENED:
+    enough = next(many for many in LISTENED if many > len(state.heard))
+    if len(heard) < enough:
         return _advanced(params, replace(state, heard=heard), readings)
-    cut = int(fresh[LISTENED - 1 - len(state.heard)]) + 1
-    state, early = _advanced(params, replace(state, heard=None), _part(readings, slice(cut)))
-    noise = 1e6 * _noise(heard[:LISTENED])
-    if noise > LOUDER * params.mag_noise:
-        state = replace(start(state.setup), recent=state.recent, heard=None, noise=noise, t=state.t)
-    elif noise > SEEN * params.mag_noise:
-        state = replace(state, noise=noise)
-    state, late = _advanced(params, state, _part(readings, slice(cut, None)))
+    cut = int(fresh[enough - 1 - len(state.heard)]) + 1
+    state, early = _advanced(params, state, _part(readings, slice(cut)))
+    state, late = step(params, _listened(params, state, heard[:enough]), _part(readings, slice(cut, None)))
     return state, _joined(early, late)
+
+
+def _listened(params: MagnetParams, state: State, heard: Array) -> State:
+    """With the noise that readings heard so far (n, magnetometers, 3) show, and what had been judged by another forgotten."""
+    noise, first = 1e6 * _noise(heard), len(heard) == LISTENED[0]
+    more = None if len(heard) == LISTENED[-1] else heard
+    if first and noise > LOUDER * params.mag_noise:
+        return replace(start(state.setup), recent=state.recent, heard=more, noise=noise, t=state.t)
+    if noise <= SEEN * params.mag_noise:
+        noise = 0.0
+    if not noise > max(state.noise, params.mag_noise):
+        return replace(state, heard=more, noise=noise)
+    mood = np.concatenate([[1.0], state.mood[1:]])
+    return replace(state, heard=more, noise=noise, mood=mood, contradicted=-np.inf)
 
 
 def _noise(mag: Array) -> float:

@@ -34,7 +34,7 @@ COUNTS = {"four": 4, "one": 1}
 NAMES = tuple(f"trunk_mag_{k + 1}" for k in range(len(world.PLATE)))
 Q_BS = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # breastbone's sensor to the trunk: forward, up, right
 UNTOLD = (30.0, 3.0)  # mm and standard deviations from which on a place that nobody marked is wrong
-BACK = 25.0  # mm
+BACK, STAYS = 25.0, 1.0  # mm, s
 FIGURES = {
     "position": ("Place of the hand where it is told without a flag, RMS, mm", 1),
     "relative": ("Orientation of the hand against the trunk, RMS, deg", 1),
@@ -45,7 +45,7 @@ FIGURES = {
     "told": ("Time for which the place is told without a flag, %", 1),
     "doubtful": ("Time marked doubtful, %", 1),
     "unsaid": ("Time at which the place is told without a flag and wrong by more than 3 cm and three standard deviations, %", 2),
-    "back": ("Time from the hand's return until its place is within 25 mm for good, s", 2),
+    "back": ("Time from the hand's return until its place is within 25 mm for a second, s", 2),
 }
 LIMITS = {"position": (15.0, "mm"), "relative": (2.0, "deg"), "trunk": (6.0, "deg")}
 
@@ -118,10 +118,12 @@ def _rotation(q: Array) -> Rotation:
 
 
 def _back(t: Array, wrong: Array) -> float:
-    """Seconds from the hand's return until it is told within BACK for the five seconds that follow."""
-    since = t >= world.BACK
-    outside = np.flatnonzero(since & (t < world.BACK + 5.0) & ~(wrong < BACK))
-    return float(t[outside[-1]] - world.BACK) if len(outside) else 0.0
+    """Seconds from the hand's return until it is told within BACK for a second."""
+    t, near = t[t >= world.BACK] - world.BACK, wrong[t >= world.BACK] < BACK
+    ends = t[np.flatnonzero(~near)]  # of stretches within it
+    begun = np.concatenate([[0.0], ends])
+    long = np.diff(np.concatenate([begun, t[-1:]])) > STAYS
+    return float(begun[long.argmax()]) if long.any() else float(t[-1])
 
 
 def _rms(values: Array) -> float:
