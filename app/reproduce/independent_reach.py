@@ -204,7 +204,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     )
     verdicts += (Verdict("10 s out of reach, until within 25 mm", _mean(results, "10 s out of reach", "back"), 2.0, "s", "our target"),)
     return Finding(
-        "independent-reach", "The hand followed by a magnet, in a world that is not ours", _setting(), tables, verdicts, _remarks()
+        "independent-reach", "The hand followed by a magnet, in a world that is not ours", _setting(wanted), tables, verdicts, _remarks()
     )
 
 
@@ -223,11 +223,11 @@ def _mean(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) ->
     return spread(f["four"][figure] for t, f in results if t.movement == movement).mean
 
 
-def _setting() -> tuple[str, ...]:
+def _setting(wanted: Wanted) -> tuple[str, ...]:
     return (
         "Motion, field and sensors come from a simulator of its own (app/reproduce/independent_world.py: numpy and scipy, nothing of the estimators or of their simulator), are written as Motion-BIDS in deg/s and uT, and go the product's way: "
         "the plate's calibration from a recording of it being turned, then `process` with its defaults, which are not told how large the simulated errors are.",
-        "Every seed is another plate, magnet, room and movement of 60 s, first 10 s left out: a rod of neodymium of 8 mm by 8 mm as currents around it (0.38 A m^2), reaches of least jerk to 12 to 38 cm, a trunk that breathes, leans and turns by up to 30 deg, or steps; "
+        f"{wanted.seeds} seeds. Every one is another plate, magnet, room and movement of 60 s, first 10 s left out: a rod of neodymium of 8 mm by 8 mm as currents around it (0.38 A m^2), reaches of least jerk to 12 to 38 cm, a trunk that breathes, leans and turns by up to 30 deg, or steps; "
         "inertial sensors at 100 Hz (means over the sample, 0.3 deg/s and 0.05 m/s^2 of bias, 0.3 % of scale, 0.2 deg between axes), magnetometers at 75 Hz (0.35 uT of noise, 400 uT at most, 30 uT of hard iron, 4 % of soft iron, read up to 10 ms late), places told to 1 mm, the moment to 1 deg and 1 %; "
         "a room whose field changes by 2.3 uT/m.",
     )
