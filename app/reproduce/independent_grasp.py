@@ -146,7 +146,7 @@ def made(trial: Trial, folder: Path) -> dict[str, float]:
     recording_files.written(folder / "recording", pinch, measured(pinch.hand, of_tape), forces, setups)
     if held.mass is not None:
         return {"lift_mass": held.mass}
-    return {"squeeze_stiffness": held.stiffness, "squeeze_damping": held.damping}
+    return {"squeeze_stiffness": pinch.stiffness, "squeeze_damping": held.damping}
 
 
 def _drawn(held: Held, task: str, rng: np.random.Generator) -> Held:
@@ -218,7 +218,7 @@ def _setting() -> tuple[str, ...]:
         "Lengths of the hand measured to 2 %, joints on the palm to 1 mm, every freedom of the initial pose missed by up to 2.5 deg, inertial sensors 6 deg askew with noise and biases of MEMS. "
         "Force sensors as they come: gains 2 %, cross-axis 1 %, 1 deg an axis on the cuff, a zero of 0.2 N that walks by 0.02 N/sqrt(s), noise 0.05 N. Calibrated: thirteen rows of two weights on a bench, "
         "directions by the cuff's accelerometer, through `handscope calibrate-force`; the recording then has raw counts. What is wrong in the other rows is wrong with calibrated sensors at 12 Hz, and nobody tells the program of it.",
-        "Surely wrong: told without a word, off by more than 10 % and by more than 2.5 of the standard deviations that it is told with.",
+        "Of a spring that bends the true stiffness is the slope of the straight line through force and closing. Surely wrong: told without a word, off by more than 10 % and by more than 2.5 of the standard deviations that it is told with.",
     )
 
 

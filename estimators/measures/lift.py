@@ -30,6 +30,7 @@ TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
 PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
 HEIGHT_ERROR = 5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what is held off the table has one
 NONE = "no force was measured; the glove has no force sensors on the fingertips"
 KINDS = kinds(
     Kind("lift_count", "1", "times that something was lifted", "ours"),
@@ -135,6 +136,9 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
     doubtful = bool(h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE))
     if weighed.supported > params.constant:
         reasons.append("part of the load does not change with the acceleration: something not measured carries the object")
+        doubtful = True
+    if weighed.mass < WEIGHS * weighed.sd:
+        reasons.append("what was held up hardly weighs anything: something not measured carries it, or a force sensor is wrong")
         doubtful = True
     mass, running = (np.nan, None) if doubtful else (weighed.mass, weighed.running)
     return Lifted(h, off, mass, weighed.sd, slips, "; ".join(r for r in reasons if r), running)

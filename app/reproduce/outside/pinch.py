@@ -46,6 +46,7 @@ class Pinch:
     rows: Rows  # of t at which inertial sensors tell
     inertial: Values  # (m, sensors, 6) rad/s and m/s^2
     task: tuple[float, float]  # s: onset and end
+    stiffness: float  # N/m, of the straight line through force and closing while it is squeezed; NaN of what is lifted
 
 
 @dataclass(frozen=True)
@@ -94,11 +95,14 @@ def pinched(held: Held, side: str, rng: np.random.Generator) -> Pinch:
     ends, thumb, index = hand.ends(phalanges)
     pads = [place + q_hand.apply(pad) for pad in (thumb, index)]
     forces = _forces(held, when, t, pads, rng)
+    squeezed = (t >= when.squeezed) & (t < when.squeezed + TIMES * PERIOD)
+    closed = 0.04 - np.linalg.norm(pads[0] - pads[1], axis=1)[squeezed]
+    stiffness = float(np.polyfit(closed, _spring(held, closed), 1)[0]) if held.mass is None else np.nan
     rotations = [q_hand, *(q_hand * phalanx for phalanx in phalanges)]
     places = [place + q_hand.apply(hand.sign * np.array([0.0, PALM, 0.0])), *(place + q_hand.apply(ends[s]) for s in SEGMENTS[1:])]
     rows = np.arange(int(RATE / INERTIAL), len(t), int(RATE / INERTIAL))
     inertial, q = _inertial(hand, rotations, places, rows, rng)
-    return Pinch(held, hand, t, forces, [q[3], q[6]], rows, inertial, (5.9, float(t[-1]) - 0.3))
+    return Pinch(held, hand, t, forces, [q[3], q[6]], rows, inertial, (5.9, float(t[-1]) - 0.3), stiffness)
 
 
 def _when(held: Held, rng: np.random.Generator) -> Times:
@@ -120,6 +124,11 @@ def _distance(held: Held, when: Times, t: Values, rng: np.random.Generator) -> V
         share = np.clip((t - when.squeezed - k * PERIOD) / PERIOD, 0, 1)
         distance -= depth * rng.uniform(0.75, 1.25) * 0.5 * (1 - np.cos(2 * np.pi * share))
     return distance
+
+
+def _spring(held: Held, closed: Values) -> Values:
+    """Its force, N, closed by so much."""
+    return np.asarray(held.stiffness * closed * (1 + held.bend * (closed / _depth(held) - 0.5)))
 
 
 def _depth(held: Held) -> float:
@@ -157,8 +166,7 @@ def _forces(held: Held, when: Times, t: Values, pads: list[Values], rng: np.rand
         grip = during(t, REACH, when.ends, BEGUN) * size * (1 + 0.03 * wandering(rng, t, 0.5, 6))
     else:
         closed = 0.04 - apart
-        spring = held.stiffness * closed * (1 + held.bend * (closed / _depth(held) - 0.5))
-        grip = np.maximum(spring - held.damping * np.gradient(apart, 1 / RATE), 0) * (during(t, REACH, when.ends, BEGUN) > 0)
+        grip = np.maximum(_spring(held, closed) - held.damping * np.gradient(apart, 1 / RATE), 0) * (during(t, REACH, when.ends, BEGUN) > 0)
     share = (0.5 + rng.normal(0, 0.06) + 0.02 * wandering(rng, t, 0.1, 1))[:, None]
     push, left = grip[:, None] * line / apart[:, None], 1 - held.third
     return np.stack([left * (1 - share) * load - push, left * (push + share * load)], axis=1)

@@ -114,6 +114,16 @@ def test_grip_and_load_are_as_unsure_as_the_push_of_one_side_lacks() -> None:
         assert abs(now[what].value - was[what].value) < 1.2 * (now[what].sd or 0.0)
 
 
+def test_no_mass_is_told_of_what_weighs_nothing() -> None:
+    (made, _), good = heavy(), heavy_moved().trajectory
+    assert good.forces is not None
+    thumb, index = good.forces[:, 0], good.forces[:, 1]
+    found = measured(
+        made, replace(good, forces=np.concatenate([index[:, None] * -0.99 + 0.01 * thumb[:, None], good.forces[:, 1:]], axis=1))
+    )
+    assert "hardly weighs anything" in found.reason and np.isnan(found.lifts[0].mass)
+
+
 def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
     bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
