@@ -145,11 +145,15 @@ def _length_counted(search: Search, located: Located, size: float | None, size_s
     rows, chips = _alike(search, located)
     if not len(rows):
         return located
-    told, x = explained(search.by(chips), located, size, size_sd, rows)
-    by_length = magnet_length.drawn(told, x, np.arange(0, len(rows), -(-len(rows) // SAMPLED)))
+    here = search.by(chips)
+    length = magnet_length.shown(*explained(here, located, size, size_sd, rows[:: -(-len(rows) // SAMPLED)]))
+    if length == 0.0:
+        return located
     place_sd, moment_sd = located.place_sd.copy(), located.moment_sd.copy()
-    place_sd[rows] = np.hypot(place_sd[rows], by_length[:, :3])
-    moment_sd[rows] = np.hypot(moment_sd[rows], by_length[:, 3:])
+    for part in np.array_split(rows, -(-len(rows) // magnet_localisation.PIECE)):
+        by_length = magnet_length.drawn(*explained(here, located, size, size_sd, part), length)
+        place_sd[part] = np.hypot(place_sd[part], by_length[:, :3])
+        moment_sd[part] = np.hypot(moment_sd[part], by_length[:, 3:])
     sure = place_sd.max(axis=1) < magnet_localisation.surest(located.place, search.array)
     return replace(located, place_sd=place_sd, moment_sd=moment_sd, found=located.found & sure)
 

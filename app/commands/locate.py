@@ -156,7 +156,7 @@ def _few(searched: Searched, located: Located, moment: float | None, size_sd: fl
     rows = np.flatnonzero(located.found & np.isfinite(searched.search.mag).all(axis=(1, 2)))
     if len(searched.search.array) >= magnet_uneven.FEWEST or searched.search.uneven or not len(rows):
         return []
-    told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows)
+    told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows[:: -(-len(rows) // TRIED)])
     off = 1e3 * float(np.median(magnet_uneven.misplaced(told, x, UNSEEN)))
     return [
         f"{len(searched.search.array)} magnetometers cannot tell a field that changes across the array: {1e6 * UNSEEN:.0f} uT a metre would draw places by {off:.2g} mm (median); "
