@@ -218,7 +218,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
     return Finding(
         "independent-array",
         "A magnet before a board of magnetometers, by an independent simulator",
-        _setting(),
+        _setting(wanted),
         (table,),
         (),
         _remarks(results),
@@ -244,9 +244,9 @@ def _surely_wrong(told: Told) -> int:
     return int(((told.off > WRONG) & (told.off > SURE * told.sd)).sum())
 
 
-def _setting() -> tuple[str, ...]:
+def _setting(wanted: Wanted) -> tuple[str, ...]:
     return (
-        "A simulator of magnets, fields and chips that shares no code with the program (`app/reproduce/outside/board.py`, numpy and scipy alone); tables in uT and the array's file go through `handscope locate`. "
+        f"{wanted.seeds} trials a row: `handscope reproduce independent-array --seeds {wanted.seeds}`. A simulator of magnets, fields and chips that shares no code with the program (`app/reproduce/outside/board.py`, numpy and scipy alone); tables in uT and the array's file go through `handscope locate`. "
         "Boards of 4, 9 and 16 chips are squares (pitch 8, 5 and 4 cm), of five a square of 16 cm with one in the middle, of three a triangle of 10 cm.",
         f"Every trial is another board, calibration and movement: {SECONDS:g} s at {RATE:g} Hz, a magnet of {MOMENT:g} A m^2 8 to 18 cm before the board where nothing else is said; 0.2 uT of noise an axis, 20 uT of hard and 3 % of soft iron, chips turned by quarters; "
         "calibrated with `--turned` where the field is even. What a row names is told to nobody but where it says so.",

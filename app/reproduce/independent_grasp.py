@@ -175,7 +175,9 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, Told]]])
         _table(results, "squeeze", "squeeze_stiffness", "Stiffness of what is squeezed"),
         _table(results, "squeeze", "squeeze_damping", "Its damping, errors in N s/m"),
     )
-    return Finding("independent-grasp", "What the fingers hold, by an independent simulator", _setting(), tables, (), _remarks(results))
+    return Finding(
+        "independent-grasp", "What the fingers hold, by an independent simulator", _setting(wanted), tables, (), _remarks(results)
+    )
 
 
 def _table(results: Sequence[tuple[Trial, Mapping[str, Told]]], task: str, quantity: str, title: str) -> Table:
@@ -211,9 +213,9 @@ def _one(value: float) -> Spread:
     return Spread(value, 0.0, value, 1)
 
 
-def _setting() -> tuple[str, ...]:
+def _setting(wanted: Wanted) -> tuple[str, ...]:
     return (
-        "A simulator of a pinch that shares no code with the program (`app/reproduce/outside`: hands, movement, forces, sensors and the files' text written with numpy and scipy alone), "
+        f"{wanted.seeds} trials a row: `handscope reproduce independent-grasp --seeds {wanted.seeds}`. A simulator of a pinch that shares no code with the program (`app/reproduce/outside`: hands, movement, forces, sensors and the files' text written with numpy and scipy alone), "
         "left and right hands in turn. Masses of 0.1 to 1 kg, springs of 0.2 to 3 N/mm, dampers of 0 to 30 N s/m drawn for every trial; the recordings are Motion-BIDS folders, the figures those of `handscope assess --method m2`.",
         "Lengths of the hand measured to 2 %, joints on the palm to 1 mm, every freedom of the initial pose missed by up to 2.5 deg, inertial sensors 6 deg askew with noise and biases of MEMS. "
         "Force sensors as they come: gains 2 %, cross-axis 1 %, 1 deg an axis on the cuff, a zero of 0.2 N that walks by 0.02 N/sqrt(s), noise 0.05 N. Calibrated: thirteen rows of two weights on a bench, "
