@@ -153,9 +153,9 @@ def _whole(of: Limb, step: Step) -> Step:
 def _on_skin(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
     """`meeting` with columns behind all others for the skin that moves the hand's sensor with this finger, which is believed to be rigid."""
     k, T, first = hand_problem.root(problem.chain), len(terms.r), terms.first + 1
-    rigid = HandPlace((at,), np.zeros((len(problem), 3)), *np.zeros((2, 1, 3)))
+    rigid = HandPlace((at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
     samples = first + np.arange(T)[:, None] + np.arange(-1, 2)
-    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2]
+    by_skin = hand_equations.pulled(problem, at, rigid, problem.bent[:, [k]], samples)[2][..., :HANDS]
     seen = residuals.whitening(problem, first, first + T)[:, :, k] / residuals.common_scale(at)
     slopes = np.einsum("tj,tip->tjip", seen, by_skin).reshape(T, -1, HANDS)
     cols = np.concatenate([terms.cols, columns(problem.chain).count + np.arange(HANDS)])
@@ -221,7 +221,9 @@ def _place(of: Limb, read: Readings, q_GS: Array, noise: Noise) -> tuple[Problem
     none, skin, whole = np.zeros((S, 3)), np.zeros((J, 3)), np.zeros((S, 3, 3))
     axes = (problem.flexing[links.parents[links.hinges]], problem.flexing[links.children[links.hinges]])
     turned = _turned(q_GS, problem.turns)
-    at = Unknowns(turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1), np.zeros((J, 2)))
+    at = Unknowns(
+        turned, far, -half[links.children], none, none, whole, whole, *axes, skin, skin, np.zeros(1), np.zeros((J, 2)), np.zeros(J)
+    )
     return bent(problem, at), at
 
 

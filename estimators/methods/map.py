@@ -38,7 +38,7 @@ ALONE = (
     "hand and fingers as one problem did not come to an end: each finger is as it was found alone; skin under the hand's sensor was not counted,"
     " first phalanges' lengths may be off by several of their standard deviations"
 )
-TOGETHER = Limits(iterations=12, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
+TOGETHER = Limits(iterations=25, least_gain=0.25)  # begun where each finger has its minimum: the next step would gain a hundredth of that
 RIGID = 1e-3  # share of skin's movement that nobody notices
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 UNKNOWN = np.radians(60.0)  # standard deviation of an angle of which nothing is known: what joints can do at all
@@ -152,11 +152,12 @@ def _together(
 ) -> tuple[list[Finger], list[str]]:
     """All fingers, or the only one, as one problem with the hand and its skin; as they were found alone where that does not come to an end."""
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
-    turn, slide = (max(params.hand_skin * softness, RIGID) for softness in _softness(params, alone))
+    *moving, law = _softness(params, alone)
+    turn, slide = (max(params.hand_skin * softness, RIGID) for softness in moving)
     try:
         found = hand_solver.solve(
             [f.solution for f in alone],
-            replace(noise, skin_turn=turn * noise.skin_turn, skin_slide=slide * noise.skin_slide),
+            replace(noise, skin_turn=turn * noise.skin_turn, skin_slide=slide * noise.skin_slide, skin_law=law * noise.skin_law),
             TOGETHER,
             lambda k, cost: _heard(progress, min(0.95, SHARE + (0.95 - SHARE) * k / 4)),
         )
@@ -173,16 +174,18 @@ def _together(
     ], []
 
 
-def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float]:
-    """How far skin turns and slides the fingers' sensors, share of what was believed: what was found and what it may be off by, squared and added,
+def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
+    """How far skin turns and slides the fingers' sensors, and how far from proportion, shares of what was believed: what was found and what it may be off by, squared and added,
     is the variance that makes the found most likely (the M step of Dempster, Laird & Rubin 1977); where movement tells nothing it stays 1."""
-    turns, slides = [], []
+    turns, slides, laws = [], [], []
     for found in (finger.solution for finger in alone if finger.name in CHAINS):
         c, variance = columns(found.problem.chain), np.diag(found.factor.covariance)
         turns.append(found.at.skin_turn.ravel() ** 2 + variance[c.skin_turn])
         slides.append(found.at.skin_slide.ravel() ** 2 + variance[c.skin_slide])
-    turn, slide = (float(np.sqrt(np.concatenate(squares).mean())) * np.pi / 2 for squares in (turns, slides))  # for 90 deg
-    return turn / np.radians(params.skin_turn), slide / (1e-3 * params.skin_slide)
+        laws.append(found.at.law**2 + variance[c.law])
+    turn, slide, law = (float(np.sqrt(np.concatenate(squares).mean())) for squares in (turns, slides, laws))
+    quarter = np.pi / 2
+    return quarter * turn / np.radians(params.skin_turn), quarter * slide / (1e-3 * params.skin_slide), law / params.skin_law
 
 
 def _described(params: Params, recording: Recording, finger: str, t: Array, found: Solution, draws: Iterable[Unknowns]) -> Finger:

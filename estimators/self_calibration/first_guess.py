@@ -31,7 +31,20 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> 
     axes = np.array(pairs).reshape(-1, 2, 3)
     none, whole = np.zeros((len(far), 3)), np.zeros((len(bias), 3, 3))
     return Unknowns(
-        q_GS, far, near, bias, np.zeros_like(bias), whole, whole, axes[:, 0], axes[:, 1], none, none, np.zeros(1), np.zeros((len(far), 2))
+        q_GS,
+        far,
+        near,
+        bias,
+        np.zeros_like(bias),
+        whole,
+        whole,
+        axes[:, 0],
+        axes[:, 1],
+        none,
+        none,
+        np.zeros(1),
+        np.zeros((len(far), 2)),
+        np.zeros(len(far)),
     )
 
 

@@ -92,10 +92,12 @@ def cost(problem: HandProblem, at: HandPlace) -> float:
 
 
 def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
-    """How far the hand's skin moves its sensor, in standard deviations, and these (6 F,)."""
+    """How far the hand's skin moves its sensor, and its laws, in standard deviations, and these (7 F,)."""
     noise, quarter = problem.noise, np.pi / 2
-    sd = np.repeat([np.radians(noise.skin_turn) / quarter, 1e-3 * noise.skin_slide / quarter], 3 * len(problem.limbs))
-    return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel()]) / sd, sd
+    F = len(problem.limbs)
+    sizes = np.radians(noise.skin_turn) / quarter, 1e-3 * noise.skin_slide / quarter, noise.skin_law
+    sd = np.repeat(sizes, (3 * F, 3 * F, F))
+    return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel(), at.skin_law]) / sd, sd
 
 
 def terms_of(problem: HandProblem, at: HandPlace, k: int) -> Iterator[Terms]:
@@ -141,7 +143,9 @@ def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: 
     r = residuals.met(quiet, place, start, start + CHUNK).reshape(stop - first, -1, 3)
     seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
     samples = np.arange(first - 1, stop + 1)
-    v = place.far[root] - skin_motion.seen(skin_motion.pulled(bending[samples], at.skin_turn, at.skin_slide), place.far[root])
+    v = place.far[root] - skin_motion.seen(
+        skin_motion.pulled(skin_motion.followed(bending[samples], at.skin_law), at.skin_turn, at.skin_slide), place.far[root]
+    )
     swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
     e = np.diff(swung, 2, axis=0) / quiet.dt**2
     pulled = seen * e[:, None] / residuals.common_scale(place)
@@ -175,15 +179,17 @@ def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, sta
 
 def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
     """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
-    arm, b = place.far[hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
+    arm, bent = place.far[hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
+    b = skin_motion.followed(bent, at.skin_law)
     R = residuals.SECOND_DIFFERENCE[:, None, None] / limb.dt**2 * quat.matrix(place.q_GS[:, 0])[samples]
     moved = skin_motion.pulled(b, at.skin_turn, at.skin_slide)
     v = arm - skin_motion.seen(moved, arm)
     by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
-    by_turn = np.einsum("tkf,tkij->tifj", b, -R @ skin_motion.by_turn(moved, arm))
-    by_slide = np.einsum("tkf,tkij->tifj", b, R @ moved.back)
+    turned, slid = -R @ skin_motion.by_turn(moved, arm), R @ moved.back
+    by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
+    by_law = np.einsum("tkf,tkif->tif", skin_motion.by_law(bent, at.skin_law)[1], turned @ at.skin_turn.T + slid @ at.skin_slide.T)
     T = len(b)
-    by_skin = np.concatenate([by_turn.reshape(T, 3, -1), by_slide.reshape(T, 3, -1)], axis=2)
+    by_skin = np.concatenate([by_turn.reshape(T, 3, -1), by_slide.reshape(T, 3, -1), by_law], axis=2)
     return -R @ quat.skew(v), by_far, by_skin
 
 

@@ -15,7 +15,9 @@ from estimators import quaternions as quat
 from estimators.quaternions import Array
 from estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Unknowns, bent, columns, moved
 from estimators.self_calibration.residuals import NUMEROV
+from estimators.self_calibration.skin import followed
 
+TURN_AND_SLIDE = 6  # numbers of each joint on the hand
 OWN = 3  # unknowns of a sample beside turns: the error of the hand's accelerometer
 
 
@@ -35,6 +37,7 @@ class HandPlace:
     error: Array  # (n, 3) m/s^2, of the hand's accelerometer as joints see it, in the global frame
     skin_turn: Array  # (F, 3) rad/rad, how far the hand's sensor turns with each limb's joint on the hand, in its frame
     skin_slide: Array  # (F, 3) m/rad, how far it slides
+    skin_law: Array  # (F,) as `Unknowns.law` of that joint's own skin
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Layout:
     count: int  # parameters: those in common, of the hand's skin, then limb by limb
     sample: tuple[Indices, ...]  # of the turns of a limb's sensors and of the hand's error
     parameters: tuple[Indices, ...]  # of a limb's columns, and of the hand's skin
-    skin: slice  # turns, then slides
+    skin: slice  # turns, slides, laws
 
     @property
     def error(self) -> slice:
@@ -54,7 +57,7 @@ class Layout:
 
 def layout(problem: HandProblem) -> Layout:
     own_before, shared = 0, len(common(problem.limbs[0].chain))
-    skin = slice(shared, shared + 6 * len(problem.limbs))
+    skin = slice(shared, shared + (TURN_AND_SLIDE + 1) * len(problem.limbs))
     each = sum(3 * (len(limb.chain.sensors) - 1) for limb in problem.limbs) + 3 + OWN
     sample, parameters, count = [], [], skin.stop
     for limb in problem.limbs:
@@ -86,7 +89,8 @@ def merged(places: Sequence[Unknowns]) -> HandPlace:
     first = places[0].q_GS[:, 0]
     off = np.mean([quat.log(quat.relative(first, at.q_GS[:, 0])) for at in places], axis=0)
     hand = quat.normalize(quat.multiply(first, quat.exp(off)))
-    return HandPlace(tuple(_carried(at, hand, places) for at in places), np.zeros((len(first), 3)), *np.zeros((2, len(places), 3)))
+    carried, F = tuple(_carried(at, hand, places) for at in places), len(places)
+    return HandPlace(carried, np.zeros((len(first), 3)), np.zeros((F, 3)), np.zeros((F, 3)), np.zeros(F))
 
 
 def _carried(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknowns:
@@ -106,8 +110,10 @@ def stepped(at: HandPlace, problem: HandProblem, samples: Array, parameters: Arr
         moved(place, limb.chain, samples[:, rows[:-OWN]].reshape(len(samples), -1, 3), parameters[cols[: columns(limb.chain).count]])
         for place, limb, rows, cols in zip(at.limbs, problem.limbs, where.sample, where.parameters)
     )
-    turn, slide = parameters[where.skin].reshape(2, -1, 3)
-    return HandPlace(limbs, at.error + samples[:, where.error], at.skin_turn + turn, at.skin_slide + slide)
+    of_skin, moving = parameters[where.skin], TURN_AND_SLIDE * len(limbs)
+    turn, slide = of_skin[:moving].reshape(2, -1, 3)
+    law = at.skin_law + of_skin[moving:]
+    return HandPlace(limbs, at.error + samples[:, where.error], at.skin_turn + turn, at.skin_slide + slide, law)
 
 
 def root(chain: Chain) -> int:
@@ -122,7 +128,7 @@ def bending(problem: HandProblem) -> Array:
 
 def straightened(problem: HandProblem, at: HandPlace) -> tuple[Unknowns, ...]:
     """Limbs on a hand whose skin does not turn the sensor."""
-    back = quat.exp(-bending(problem) @ at.skin_turn)
+    back = quat.exp(-followed(bending(problem), at.skin_law) @ at.skin_turn)
     return tuple(
         replace(limb, q_GS=np.concatenate([quat.multiply(limb.q_GS[:, :1], back[:, None]), limb.q_GS[:, 1:]], axis=1)) for limb in at.limbs
     )

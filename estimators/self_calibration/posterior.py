@@ -21,7 +21,8 @@ from estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
-LEAST_SCALE = 1e-4
+LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
+SETTLING = 50  # times that a spread is estimated anew
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,7 @@ def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
         hinge=max(noise.hinge * met.hinging, LEAST_HINGE),
         skin_turn=max(float(np.degrees(turn * quarter)), LEAST_TURN),
         skin_slide=max(1e3 * slide * quarter, LEAST_SLIDE),
+        skin_law=most_likely_spread(at.law, factor.covariance[c.law, c.law], noise.skin_law, LEAST_LAW),
         scale=max(_spread(scales, np.concatenate([variance[c.scale_gyr], variance[c.scale_acc]]), noise.scale), LEAST_SCALE),
     )
 
@@ -106,6 +108,16 @@ def _spread(found: Array, variance: Array, believed: float) -> float:
     """The standard deviation of unknowns that were believed to spread by `believed` about 0. Source: MacKay 1992, Bayesian interpolation, (4.9)."""
     told = found.size - float(variance.sum()) / believed**2  # of how many the readings speak
     return float(np.sqrt((found**2).sum() / told)) if told > 1 else believed
+
+
+def most_likely_spread(found: Array, covariance: Array, believed: float, least: float) -> float:
+    """The same of a few unknowns (m,), gone on with to its end: what the readings alone say of them is their covariance (m, m) less what was believed."""
+    told = np.linalg.inv(covariance) - np.eye(len(found)) / believed**2
+    pull, spread = (told + np.eye(len(found)) / believed**2) @ found, believed
+    for _ in range(SETTLING):
+        sure = np.linalg.inv(told + np.eye(len(found)) / spread**2)
+        spread = max(_spread(sure @ pull, np.diag(sure), spread), least)
+    return spread
 
 
 def strange_turns(problem: Problem, at: Unknowns) -> Array:

@@ -18,16 +18,14 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import CHAINS, JOINTS, Hand, side_sign
 from estimators.options import option
 from estimators.quaternions import Array
+from estimators.self_calibration.skin import followed
 
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"
 LIMBS = {**CHAINS, "forearm": ("forearm",)}  # what hangs on the hand with a joint of its own, segments from there on
 Z = np.array([0.0, 0.0, 1.0])  # of a segment: about what it flexes
 TILTING = 1e-5  # rad, between axes whose difference is a derivative
-RESTING_GYR, RESTING_ACC = (
-    0.3,
-    0.06,
-)  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, three times an MPU-9250's noise
+RESTING_GYR, RESTING_ACC = 0.3, 0.06  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +98,13 @@ class Noise:
     )
     skin_slide: float = option(
         1.5, "mm", "slide of a sensor on its segment for 90 deg in the joint before it", "skin moves with the joint; size ours", least=1e-6
+    )
+    skin_law: float = option(
+        0.5,
+        "1",
+        "how much farther than in proportion skin follows a joint that is bent by 90 deg, share of it; less far where it levels off",
+        "skin moves with the joint; size ours",
+        least=1e-6,
     )
     delay: float = option(
         5.0,
@@ -183,6 +188,7 @@ class Unknowns:
     skin_slide: Array  # (J, 3) m/rad, how far it slides
     delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
     tilt: Array  # (J, 2) rad, of the axis about which a joint that is no hinge is counted as flexed, off the nominal one: skin is pulled by that
+    law: Array  # (J,) by how much farther than in proportion skin follows a joint that is bent by 90 deg, share of it
 
 
 @dataclass(frozen=True)
@@ -201,10 +207,11 @@ class Columns:
     skin_slide: slice
     delay: slice
     tilt: slice
+    law: slice
 
     @property
     def count(self) -> int:
-        return int(self.tilt.stop)
+        return int(self.law.stop)
 
 
 def chain(segments: Sequence[str], joints: Sequence[str] | None = None, hinges: Sequence[str] | None = None) -> Chain:
@@ -297,7 +304,7 @@ def turned(w: Array, dt: float) -> Array:
 def columns(chain: Chain) -> Columns:
     """The layout of the parameters' increment."""
     J, S, H = len(chain.joints), len(chain.sensors), len(chain.hinges)
-    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1, 2 * J]).tolist()
+    ends = np.cumsum([0, 3 * J, 3 * J, 3 * S, 3 * S, 9 * S, 9 * S, 2 * H, 2 * H, 3 * J, 3 * J, 1, 2 * J, J]).tolist()
     return Columns(*(slice(a, b) for a, b in zip(ends, ends[1:])))
 
 
@@ -319,6 +326,7 @@ def moved(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknow
         skin_slide=at.skin_slide + parameters[c.skin_slide].reshape(-1, 3),
         delay=at.delay + parameters[c.delay],
         tilt=at.tilt + parameters[c.tilt].reshape(-1, 2),
+        law=at.law + parameters[c.law],
     )
 
 
@@ -377,7 +385,7 @@ def bending(problem: Problem, at: Unknowns, samples: Indices) -> Array:
 def unskinned(problem: Problem, at: Unknowns) -> Array:
     """Orientations (n, S, 4) that the sensors would have if no skin turned them on their segments."""
     back = np.zeros(at.q_GS.shape[:2] + (3,))
-    back[:, problem.chain.children] = -bending(problem, at, np.arange(len(back)))[..., None] * at.skin_turn
+    back[:, problem.chain.children] = -followed(bending(problem, at, np.arange(len(back))), at.law)[..., None] * at.skin_turn
     return quat.multiply(at.q_GS, quat.exp(back))
 
 

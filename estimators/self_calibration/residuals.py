@@ -78,11 +78,11 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     samples, swing = np.arange(start - 1, stop + 1), SECOND_DIFFERENCE / dt**2
     R, read = quat.matrix(at.q_GS[samples]), problem.acc[samples]
     by = np.zeros((T, J, 3, 3, S, 3))
-    by_parameters = np.zeros((T, J, 3, 14 * J + 12 * S))
+    by_parameters = np.zeros((T, J, 3, 15 * J + 12 * S))
     felt = over_three(NUMEROV, R)
     scaled = over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
     pulling = R @ quat.skew(_true(at, read))
-    pulled = [_skin(problem, at, s, samples) for s in range(S)]
+    pulled, pull = [_skin(problem, at, s, samples) for s in range(S)], _by_pull(problem, at, samples)
     for k in range(J):
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
             swinging = R[:, s] @ quat.skew(skin.seen(pulled[s], still))
@@ -91,21 +91,22 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
                 by[:, k, :, knot, s] = -sign * (swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s])
             carried = R[:, s] @ pulled[s].back
             by_parameters[:, k, :, place : place + 3] = sign * over_three(swing, carried)
-            by_parameters[:, k, :, 14 * J + 3 * s : 14 * J + 3 * s + 3] = -sign * felt[:, s]
-            by_parameters[:, k, :, 14 * J + 3 * S + 9 * s : 14 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
+            by_parameters[:, k, :, 15 * J + 3 * s : 15 * J + 3 * s + 3] = -sign * felt[:, s]
+            by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
                 bent = pulled[s].bent[..., None]
                 by_turn = over_three(swing, R[:, s] @ (bent * skin.by_turn(pulled[s], still)))
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
                 by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(swing, bent * carried)
                 by_bent = skin.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
-                by_tilt = R[:, s] @ (by_bent[..., None] * problem.by_tilt[samples, m][:, None])
-                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = sign * over_three(swing, by_tilt)
+                by_pull = sign * over_three(swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None]))  # by tilt and law
+                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = by_pull[..., :2]
+                by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
     mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
-    mixed[1][..., 14 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
-    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.bias_acc, c.scale_acc)
+    mixed[1][..., 15 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc)
     return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
 
 
@@ -137,7 +138,13 @@ def common_scale(at: Unknowns) -> float:
 def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
     """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
     before = problem.chain.children == s
-    return skin.pulled(bending(problem, at, samples)[..., before], at.skin_turn[before], at.skin_slide[before])
+    return skin.pulled(skin.followed(bending(problem, at, samples), at.law)[..., before], at.skin_turn[before], at.skin_slide[before])
+
+
+def _by_pull(problem: Problem, at: Unknowns, samples: Indices) -> Array:
+    """How far skin follows each joint at samples (...), derivatives (..., J, 3) by the joint's tilt (2) and its law."""
+    by_bending, law = skin.by_law(bending(problem, at, samples), at.law)
+    return np.concatenate([by_bending[..., None] * problem.by_tilt[samples], law[..., None]], axis=-1)
 
 
 def whitening(problem: Problem, start: int, stop: int) -> Array:
@@ -156,7 +163,8 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     T, H, S, sd = stop - start, len(chain.hinges), len(chain.sensors), np.radians(problem.noise.hinge)
     R = quat.matrix(at.q_GS[start:stop])
     J, samples = len(chain.joints), np.arange(start, stop)
-    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 5 * J))
+    pull = _by_pull(problem, at, samples)
+    r, by, by_parameters = np.zeros((T, H, 3)), np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 6 * J))
     for h, joint in enumerate(chain.hinges):
         for sign, s, still, own in (
             (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
@@ -171,9 +179,10 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
                 by_turn, place = skin.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
                 by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * pulled.bent[..., None] * R[:, s] @ by_turn
                 by_bent = sign * R[:, s] @ skin.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
-                by_parameters[:, h, :, place : place + 2] = by_bent * problem.by_tilt[samples, m][:, None]
-    cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt)
-    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 5 * J), cols)
+                by_parameters[:, h, :, place : place + 2] = by_bent * pull[:, m, None, :2]
+                by_parameters[:, h, :, 4 * H + 5 * J + m] = by_bent[..., 0] * pull[:, m, 2:]
+    cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)
+    return Terms(start, 1, r.reshape(T, 3 * H), by.reshape(T, 3 * H, 3 * S), by_parameters.reshape(T, 3 * H, 4 * H + 6 * J), cols)
 
 
 def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
@@ -231,6 +240,7 @@ def priors(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
         (c.skin_slide, at.skin_slide, 1e-3 * noise.skin_slide / (np.pi / 2)),
         (c.delay, at.delay, 1e-3 * noise.delay),
         (c.tilt, at.tilt, np.repeat(problem.seat_sd[chain.parents], 2)),
+        (c.law, at.law, noise.skin_law),
     )
     r, by = [], []
     for where, value, sd in sizes:

@@ -2,7 +2,7 @@
 
 In      how far joints are bent; by how much skin turns and slides the sensor with each of them
 Out     Skin, by sample; places and directions of the segment as the sensor sees them, and their derivatives
-Source  ours: in proportion to the bending, no angle is taken for small. A sensor that turned by c and slid by s sees a place r at exp(-c) (r - s)
+Source  ours: skin follows the bending in proportion, and its square as a law says; no angle is taken for small. A sensor that turned by c and slid by s sees a place r at exp(-c) (r - s)
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,25 @@ import numpy as np
 from estimators import quaternions as quat
 from estimators.quaternions import Array
 
+QUARTER = np.pi / 2
+
 
 @dataclass(frozen=True)
 class Skin:
-    bent: Array  # (..., F) rad, the joints that pull it
+    bent: Array  # (..., F) rad, by how far it follows the joints that pull it
     turn: Array  # (..., 3) rad, in the sensor's frame
     slide: Array  # (..., 3) m, in the frame that the sensor has where joints are straight
     back: Array  # (..., 3, 3) from that frame to the sensor's
+
+
+def followed(bent: Array, law: Array) -> Array:
+    """How far skin follows joints that are bent by (..., J) rad; by a `law` (J,) more than in proportion where they are bent by 90 deg, share of it."""
+    return np.asarray(bent * (1 + law * bent / QUARTER))
+
+
+def by_law(bent: Array, law: Array) -> tuple[Array, Array]:
+    """The derivatives (..., J) of `followed` by the bending and by the law."""
+    return 1 + 2 * law * bent / QUARTER, bent**2 / QUARTER
 
 
 def pulled(bent: Array, turn: Array, slide: Array) -> Skin:

@@ -233,7 +233,7 @@ def _way(past: Past, window: Window, c: Columns) -> tuple[Array, Array]:
     places = [*range(0, 3 * SHARED * S, 3), *range(3 * SHARED * S + c.count, len(slope), 3)]
     for k, own in zip(places, residuals.inverse_jacobian(turns).reshape(-1, 3, 3)):
         slope[k : k + 3, k : k + 3] = own
-    for name in ("far", "near", "bias_gyr", "bias_acc", "scale_gyr", "scale_acc", "skin_turn", "skin_slide", "delay", "tilt"):
+    for name in ("far", "near", "bias_gyr", "bias_acc", "scale_gyr", "scale_acc", "skin_turn", "skin_slide", "delay", "tilt", "law"):
         p[getattr(c, name)] = np.ravel(getattr(at, name) - getattr(before, name))
     for where, old, new in ((c.axis_far, before.axis_far, at.axis_far), (c.axis_near, before.axis_near, at.axis_near)):
         was, now = tangents(old), tangents(new)

@@ -124,11 +124,15 @@ def down(ground: Ground[P, X], problem: P, start: X, limits: Limits, go_on: Call
 def learnt(
     problem: Problem, start: Unknowns, limits: Limits = Limits(), go_on: Callable[[int, float], bool] = lambda k, cost: True
 ) -> Solution:
-    """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less."""
+    """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less.
+
+    In the first skin follows in proportion: knocks that are not known yet would be taken for its law.
+    """
     rough = replace(limits, least_gain=limits.rough_gain)
     base = problem
     strange = knocks.looked(knocks.none(len(base)), posterior.strange(base, start), knocks.GROSS, base.dt)
-    begun = replace(resized(base, base.noise, strange.doubt), turn_sd=base.turn_sd * np.where(strange.knocked, knocks.OPENED, 1.0)[:, None])
+    lawful = replace(base.noise, skin_law=posterior.LEAST_LAW)
+    begun = replace(resized(base, lawful, strange.doubt), turn_sd=base.turn_sd * np.where(strange.knocked, knocks.OPENED, 1.0)[:, None])
     found, steps = _settled(solve(begun, start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
@@ -140,6 +144,8 @@ def learnt(
         told = replace(less, turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd)
         doubted = doubting(told, found.at)
         noise = posterior.learnt(doubted, found.at, found.factor)
+        if doubted.noise is lawful:
+            noise = replace(noise, skin_law=base.noise.skin_law)
         found = _settled(
             solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
         )

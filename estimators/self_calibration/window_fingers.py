@@ -139,7 +139,19 @@ def _guess(calibration: Calibration, finger: Finger, q_GS: Array) -> Unknowns:
     none, whole = np.zeros((J, 3)), np.zeros((S, 3, 3))
     axes = z[links.parents[links.hinges]], z[links.children[links.hinges]]
     return Unknowns(
-        q_GS[None], np.array(far), np.array(near), bias, np.zeros((S, 3)), whole, whole, *axes, none, none, np.zeros(1), np.zeros((J, 2))
+        q_GS[None],
+        np.array(far),
+        np.array(near),
+        bias,
+        np.zeros((S, 3)),
+        whole,
+        whole,
+        *axes,
+        none,
+        none,
+        np.zeros(1),
+        np.zeros((J, 2)),
+        np.zeros(J),
     )
 
 

@@ -44,12 +44,15 @@ def _somewhere() -> tuple[HandProblem, HandPlace]:
             0.001 * rng.normal(size=(J, 3)),
             delay,
             0.1 * rng.normal(size=(J, 2)),
+            0.3 * rng.normal(size=J),
         )
         problem = measured(posed(links, Noise(), Readings(0.01, gyr, acc, sure, sure), q[0], "left", {}), {names[1]: 0.04})
         limbs.append(replace(problem, bent=rng.normal(size=(SAMPLES, J)), by_tilt=rng.normal(size=(SAMPLES, J, 2))))
         places.append(at)
     skin = rng.normal(size=(2, 2, 3)) * np.array([0.05, 0.001])[:, None, None]
-    return hand_problem.gathered(limbs, Noise()), HandPlace(tuple(places), rng.normal(size=(SAMPLES, 3)), *skin)
+    return hand_problem.gathered(limbs, Noise()), HandPlace(
+        tuple(places), rng.normal(size=(SAMPLES, 3)), *skin, skin_law=0.3 * rng.normal(size=2)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +129,7 @@ def test_one_limb_alone_is_the_problem_that_it_is_alone(somewhere: tuple[HandPro
     problem, at = somewhere
     limb, place = problem.limbs[0], at.limbs[0]
     one = hand_problem.gathered([limb], Noise())
-    still = HandPlace((place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
+    still = HandPlace((place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
     normal = hand_equations.built(one, still)
     where = normal.layout.error
     A = normal.limbs[0].A[:, 0][:, where, where] + np.eye(3) / normal.error_sd[:, None, None] ** 2

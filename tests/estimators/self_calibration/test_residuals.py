@@ -8,7 +8,7 @@ from estimators import quaternions as quat
 from estimators.gravity import GRAVITY
 from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
 from estimators.quaternions import Array
-from estimators.self_calibration import residuals
+from estimators.self_calibration import posterior, residuals
 from estimators.self_calibration.problem import (
     Noise,
     Problem,
@@ -55,6 +55,7 @@ def _somewhere() -> tuple[Problem, Unknowns]:
         0.01 * skin[1],
         np.array([0.002]),
         0.1 * rng.normal(size=(J, 2)),
+        0.3 * rng.normal(size=J),
     )
     problem = posed(links, Noise(), read, quat.normalize(q[0] + 0.1), "left", {})
     given = measured(problem, {"index_proximal": 0.04, "index_middle": 0.02})
@@ -94,6 +95,27 @@ def test_bending_about_an_axis_that_is_tilted() -> None:
     change = bending(here, there, np.arange(SAMPLES)) - here.bent
     np.testing.assert_allclose(change, bent(problem, there).bent - here.bent, atol=1e-7)
     assert (np.abs(change) > 1e-5).any(axis=0).tolist() == [k not in problem.chain.hinges for k in range(len(problem.chain.joints))]
+
+
+def test_skin_of_another_law_leaves_nothing_either() -> None:
+    """Skin that at 90 deg follows by half more than in proportion is that of a joint bent as much farther."""
+    problem, at = _somewhere()
+    lawful = replace(at, law=np.full(len(at.law), 0.5))
+    farther = replace(problem, bent=bending(problem, at, np.arange(SAMPLES)), tilt=at.tilt)
+    farther = replace(farther, bent=farther.bent * (1 + 0.5 * farther.bent / (np.pi / 2)))
+    np.testing.assert_allclose(
+        residuals.meeting(problem, lawful, 0, SAMPLES).r, residuals.meeting(farther, replace(at, law=0 * at.law), 0, SAMPLES).r, rtol=1e-9
+    )
+
+
+def test_the_size_of_few_unknowns_is_the_most_likely_one() -> None:
+    """Of unknowns that the readings tell by themselves: their mean square less its error; of those that are nothing, the least."""
+    believed, sure = 0.5, 0.01
+    covariance = np.eye(3) / (1 / sure**2 + 1 / believed**2)
+    found = np.array([0.2, -0.3, 0.4])
+    size = posterior.most_likely_spread(found, covariance, believed, 0.02)
+    assert size == pytest.approx(np.sqrt(np.mean(found**2)), rel=0.01)
+    assert posterior.most_likely_spread(0.001 * found, covariance, believed, 0.02) == 0.02
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-6, 1e-3, 0.3, 2.0])
@@ -176,6 +198,7 @@ def _truth(recording: Simulated) -> tuple[Unknowns, Array]:
         slide,
         np.zeros(1),
         np.zeros((3, 2)),
+        np.zeros(3),
     ), angles
 
 

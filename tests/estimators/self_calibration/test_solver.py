@@ -46,6 +46,7 @@ def test_skin_that_follows_the_joint_is_told_apart(with_skin: Solution) -> None:
     assert with_skin.outcome == "converged"
     np.testing.assert_allclose(lengths(with_skin.at), artificial_finger.HINGES, rtol=0.01)
     np.testing.assert_allclose(distances(with_skin.at), artificial_finger.DISTANCES, rtol=0.03)
+    assert np.abs(with_skin.at.law).max() < 0.05, "it follows in proportion, and is not believed to do anything else"
 
 
 def test_the_size_of_the_noise_is_found(solved: Solution) -> None:
