@@ -23,7 +23,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(REPRODUCTIONS)} (all)")
     parser.add_argument("--seeds", type=int, default=Wanted.seeds, metavar="N", help="simulated people (%(default)s; drift: at most 8)")
     parser.add_argument(
-        "--experiment", action="append", default=[], metavar="E", help="of table6 and table7 only this one; may be repeated"
+        "--experiment", action="append", default=[], metavar="E", help="of table6, table7 and independent only this one; may be repeated"
     )
     parser.add_argument("--minutes", type=int, default=Wanted.minutes, metavar="M", help="length of drift (%(default)s)")
     parser.add_argument(

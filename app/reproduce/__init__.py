@@ -40,7 +40,7 @@ class Wanted:
     """What was asked for."""
 
     seeds: int = 20
-    experiments: tuple[str, ...] = ()  # of table6 and table7 only these; empty: all
+    experiments: tuple[str, ...] = ()  # of table6, table7 and independent only these; empty: all
     broad_data: Path = Path("data/broad")
     minutes: int = 60  # of drift
 

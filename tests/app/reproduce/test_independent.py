@@ -78,7 +78,11 @@ def test_errors_are_told_by_condition_and_refusals_in_words() -> None:
     assert rows["slow (0.4 Hz)"].ours["lengths, mm"].count == 1
     assert {v.what: v.met for v in told.verdicts} == {
         "skin as assumed: largest error of a length": True,
-        "skin as assumed: the same in standard deviations": True,
-        "other skin: largest error of a length": False,
+        "skin as assumed: the same in its standard deviation": True,
+        "skin of another law than is assumed: largest error of a length": False,
+        "skin of another law than is assumed: the same in its standard deviation": False,
     }
+    only = independent.trials(Wanted(seeds=1, experiments=("no skin",)))
+    alone = independent.finding(Wanted(seeds=1), [(trial, good) for trial in only])
+    assert [row.name for row in alone.tables[0].rows] == ["no skin"] and len(alone.verdicts) == 2
     assert told.remarks == ("slow (0.4 Hz), person 1: refused (index: it moved too little).",)
