@@ -118,6 +118,14 @@ class MagnetParams:
         "ours: normal errors of four magnetometers stay below it 499 times of 500",
         least=1.0,
     )
+    chance: float = option(
+        0.001,
+        "1",
+        "chance that normal errors of the moment, places and calibrations move all of them together as far as readings do, below which something was told wrong "
+        "or another magnet is near",
+        "ours: once in a thousand recordings that are as told; chi-squared of as many as have been learnt",
+        most=0.1,
+    )
     max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
 
 

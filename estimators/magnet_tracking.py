@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincc
 
 from estimators import dipole, magnet_standstill
 from estimators import quaternions as quat
@@ -243,6 +244,13 @@ def signal(mag: Array, earth: float) -> Array:
         return np.asarray(20 * np.log10(np.linalg.norm(mag, axis=-1) / earth))
 
 
+def by_chance(moved: Array, left: Array) -> Array:
+    """Probability (n,) that normal errors move what was told (n, k) so far together or farther, `left` (n, k) of it not being known yet; all in standard
+    deviations as told. What is learnt of k errors is as much as 1 - left^2 of each: their sum of squares is chi-squared of that many, or less scattered."""
+    learnt = np.maximum(1.0 - left**2, 0.0).sum(axis=1)
+    return np.asarray(gammaincc(0.5 * np.maximum(learnt, 1.0), 0.5 * (moved**2).sum(axis=1)))
+
+
 def _centre(setup: Setup) -> Array:
     return setup.array.places.mean(axis=0) if setup.centre is None else setup.centre
 
@@ -330,7 +338,9 @@ def _told(
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
-    moved = np.abs(x[:, XM:] - _as_told(setup)) / _sure(params, setup)
+    sure = _sure(params, setup)
+    moved = np.abs(x[:, XM:] - _as_told(setup)) / sure
+    chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
     strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
     sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
     strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
@@ -351,7 +361,7 @@ def _told(
         moods,
         saturated[first:],
         still,
-        (moods > params.doubt) | strange | (moved.max(axis=1) > params.strain) | (len(setup.array) < 2),
+        (moods > params.doubt) | strange | (moved.max(axis=1) > params.strain) | (chance < params.chance) | (len(setup.array) < 2),
     )
     if not first:
         return rest

@@ -24,7 +24,7 @@ from estimators.simulation.trunk import TrunkGlove
 from estimators.trajectory import PlaceFlag
 
 PARAMS = PlaceParams(gyr_reading="instant")
-CALIBRATED = MagnetErrors(hard_iron=0.2, soft_iron=0.004)
+CALIBRATED = MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06)  # what turning the plate leaves
 Q_BS = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))  # sensor: x up, y right, z forward
 NAMES = ("trunk_mag_1", "trunk_mag_2", "trunk_mag_3", "trunk_mag_4")
 MOUNTING = dict.fromkeys(("trunk", *NAMES), Q_BS)

@@ -212,7 +212,10 @@ def test_a_hand_that_slides_without_turning_does_not_stand_still() -> None:
 def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(both: tuple[Motion, Setup, Readings, Track]) -> None:
     """At the pace at which it becomes unsure: kept for good, it drew a hand at rest before a breathing trunk away, 2 cm within a minute."""
     _, setup, readings, _ = both
-    heard, silent = (Readings(*(getattr(readings, f.name)[part] for f in fields(Readings))) for part in (slice(900), slice(900, 1500)))
+    heard, silent = (
+        Readings(readings.t[part], readings.base[part], readings.target[part], readings.mag[part])
+        for part in (slice(900), slice(900, 1500))
+    )
     before, _ = tracking.step(PARAMS, tracking.start(setup), heard)
     after, _ = tracking.step(PARAMS, before, replace(silent, mag=np.full_like(silent.mag, np.nan)))
     assert before.x is not None and after.x is not None
@@ -288,6 +291,20 @@ def test_a_place_told_wrong_is_flagged_and_not_believed(both: tuple[Motion, Setu
     late = m.t > 10.0
     assert track.doubtful[late].mean() > 0.95
     assert (((track.p_bt - m.p_bt) / track.p_sd)[late] ** 2).mean() < 1.6
+
+
+def test_errors_that_are_ordinary_one_by_one_are_not_when_they_come_together() -> None:
+    """Thirty errors of which some, mixed, have been learnt: as unlikely as said where they are normal; each of them at two standard deviations is no chance."""
+    rng = np.random.default_rng(4)
+    H = rng.normal(size=(12, 30))
+    K = H.T @ np.linalg.inv(H @ H.T + np.eye(12))
+    left = np.sqrt(np.maximum(np.diag(np.eye(30) - K @ H), 0.0))
+    truth = rng.normal(size=(20000, 30))
+    learnt = (truth @ H.T + rng.normal(size=(20000, 12))) @ K.T
+    chance = tracking.by_chance(learnt, np.tile(left, (20000, 1)))
+    assert (chance < 0.001).mean() < 0.0015
+    assert 0.003 < (chance < 0.01).mean() < 0.012, "and not much more careful than that"
+    assert tracking.by_chance(np.full((1, 30), 2.0), np.tile(left, (1, 1)))[0] < 1e-6
 
 
 def test_magnetometers_that_were_never_calibrated_are_flagged(both: tuple[Motion, Setup, Readings, Track]) -> None:
