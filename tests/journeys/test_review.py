@@ -1,12 +1,16 @@
 """Reading a session again: a trial is left out with a reason and taken back; progress over sessions."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.version import software_version
+from sessions import results
+from sessions.store import store_at
+from sessions.tables import PatientSession, Result
 from tests.journeys.house import Server, api, keep_picture, new_patient, shown
 
 pytestmark = pytest.mark.browser
@@ -142,3 +146,29 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     mine.get_by_role("button", name="Put the clock's date back").click()
     expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_hidden()
     assert api(mine, f"/api/sessions/{processed}")["started"] == session["started"]
+
+
+@pytest.fixture
+def under_way(server: Server, processed: int) -> Iterator[int]:
+    """A result of that session that is being computed, by nobody: it stays until it is stopped."""
+    with store_at(server.data).database() as db:
+        result = results.wanted(db, db.get_one(PatientSession, processed).recordings[0], "map", {}, software_version())
+        results.begin(db, result)
+        db.commit()
+        made = result.id
+    yield made
+    with store_at(server.data).database() as db:
+        db.delete(db.get_one(Result, made))
+        db.commit()
+
+
+def test_a_computation_that_nobody_waits_for_is_stopped(page_without_scene: Page, server: Server, processed: int, under_way: int) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/sessions/{processed}?result={under_way}")
+    stop = shown(page.get_by_role("button", name="Stop computing"))
+    shown(page.get_by_text("self-calibration (map) some minutes"))
+    keep_picture(page, "session-computing")
+    stop.click()
+    shown(page.get_by_role("alert").filter(has_text="the computation was stopped"))
+    assert api(page, f"/api/results/{under_way}")["state"] == "failed"
+    keep_picture(page, "session-stopped")
