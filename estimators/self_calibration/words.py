@@ -219,9 +219,17 @@ def knocked(fingers: Sequence[Finger]) -> list[str]:
     said = []
     for (name, kind), times in by.items():
         at = _moments(times)
-        if kind == "gyr":
+        if kind == "gyr" and len(at) == 1:
+            said.append(
+                f"the gyroscope of {name} contradicts the accelerations once, at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+            )
+        elif kind == "gyr":
             said.append(
                 f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+            )
+        elif len(at) == 1:
+            said.append(
+                f"the accelerometer of {name} contradicts the other sensors once, at {at[0]:.1f} s: it was knocked; what it read there is left out"
             )
         else:
             said.append(

@@ -173,7 +173,7 @@ def test_knocks_on_gyroscopes_are_named_and_cost_nothing() -> None:
         values[round(100 * at), row, :3] += 300 * DEG * rng.standard_normal(3)
     done = process(METHOD, METHOD.Params(), _with(recording, values))
     for row, at in knocks.items():
-        said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations 1 times, first at {at:.1f} s"
+        said = f"the gyroscope of {SEGMENTS[row]} contradicts the accelerations once, at {at:.1f} s"
         assert any(w.startswith(said) for w in done.warnings)
     assert not any(word in w for w in done.warnings for word in ("movement says otherwise", "off its nominal", "not observable"))
     moved, truth = done.trajectory, recording.truth
