@@ -105,14 +105,26 @@ def measured_rates(blocks: Iterable[Block]) -> dict[str, float]:
     for block in blocks:
         rate, t = block.stream.rate, block.t
         if block.stream.inertial and len(t) > max(10.0, rate) and t[-1] - t[0] > 1.0:
-            steps = np.diff(t) * rate
-            numbers = np.arange(len(t), dtype=float)
-            if 0.8 < np.median(steps) < 1.25:
-                numbers[1:] += np.cumsum(_left_out(steps))
-            measured = float(1.0 / np.polynomial.polynomial.polyfit(numbers, t - t[0], 1)[1])
+            measured = float(1.0 / np.polynomial.polynomial.polyfit(_numbers(block), t - t[0], 1)[1])
             if abs(measured / rate - 1.0) > NOTICED:
                 found[block.stream.name] = measured
     return found
+
+
+def even_times(block: Block) -> Array:
+    """Times (n,) s of a block's samples on the line through their stamps."""
+    numbers = _numbers(block)
+    begun, period = np.polynomial.polynomial.polyfit(numbers, block.t - block.t[0], 1)
+    return np.asarray(block.t[0] + begun + period * numbers)
+
+
+def _numbers(block: Block) -> Array:
+    """Which of the samples there should be each is (n,): missing ones are counted."""
+    steps = np.diff(block.t) * block.stream.rate
+    numbers = np.arange(len(block.t), dtype=float)
+    if 0.8 < np.median(steps) < 1.25:
+        numbers[1:] += np.cumsum(_left_out(steps))
+    return numbers
 
 
 def _left_out(steps: Array) -> Array:

@@ -8,7 +8,7 @@ Limits  sensors' noise is taken for white, of the same density at every rate: a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,13 @@ from estimators import full_scales
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, SATURATION, Block, beyond, every
 from estimators.self_calibration.problem import Chain, Readings, chain
+from estimators.time_base import even_times
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
 LONGEST_GAP = 0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
+MARGIN = 0.5  # s beside a stretch from which samples are taken
+LINED = 100  # samples that tell an even clock
 LIVELY = 1.0  # s over which movement is summed up
 
 
@@ -35,7 +38,8 @@ class Hole:
 
 def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
     """Times (n,) and readings of these sensors between two instants, s; doubt counts from the noise of a sample at RATE."""
-    where = {name: (b, k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
+    worn = [evened(b.between(start - MARGIN, stop + MARGIN)) for b in blocks if b.stream.inertial]
+    where = {name: (b, k) for b in worn for k, name in enumerate(b.stream.sensors)}
     reference = where[sensors[0]][0].between(start, stop).t
     period = float(np.median(np.diff(reference)))
     grid = reference[0] + period * np.arange(round((reference[-1] - reference[0]) / period) + 1)
@@ -46,6 +50,22 @@ def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop
     noisier = 1 / np.sqrt(each * period * RATE)
     v = at_middles(v, each)
     return t, Readings(each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1])
+
+
+def evened(block: Block) -> Block:
+    """The same samples at even times where the stamps scatter (a host's, a radio's) and the rates say that the samples do not: between their neighbours they lie better there."""
+    if len(block.t) < LINED:
+        return block
+    even = even_times(block)
+    rates = block.of(GYR).reshape(len(block.t), -1)
+    off = [float(np.nansum(_beside_neighbours(t, rates) ** 2)) for t in (block.t, even)]
+    return replace(block, t=even) if (np.diff(even) > 0).all() and off[1] < off[0] else block
+
+
+def _beside_neighbours(t: Array, values: Array) -> Array:
+    """How far values (n, m) lie from the line between those before and behind (n-2, m)."""
+    share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
+    return np.asarray(values[1:-1] - (1 - share) * values[:-2] - share * values[2:])
 
 
 def at_middles(means: Array, each: int) -> Array:

@@ -63,6 +63,18 @@ def test_a_movement_is_read_alike_at_every_rate_and_from_a_clock_of_its_own(rate
         np.testing.assert_allclose(values[inside, 1, 0], np.sin(10 * np.pi * t)[inside], atol=7e-4)
 
 
+@pytest.mark.parametrize("scattered", ["stamps", "samples"])
+def test_stamps_that_scatter_are_put_right_where_the_samples_do_not_scatter(scattered: str) -> None:
+    """20 s of a lively sensor, half a second of it lost: the rates themselves say which it is."""
+    rng, stream = np.random.default_rng(4), Stream("imu", ("hand",), (GYR, ACC), 100.0)
+    even = np.delete(np.arange(2000) / 100.0, np.s_[700:750])
+    stamps = even + np.clip(2e-3 * rng.standard_normal(len(even)), -4e-3, 4e-3)
+    taken = even if scattered == "stamps" else stamps
+    values = 3 * np.sin(2 * np.pi * np.array([0.4, 0.7, 1.1, 0.5, 0.9, 1.3]) * taken[:, None]) + 0.002 * rng.standard_normal((len(even), 6))
+    found = recordings.evened(Block(stream, stamps, values[:, None])).t
+    np.testing.assert_allclose(found, taken, atol=2e-4 if scattered == "stamps" else 0.0)
+
+
 def test_where_nothing_is_found_clipping_is_said_to_be_why(solved: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(steadiness, "slips", lambda *others: [])
     read = readings(recorded(1, 16.0))
