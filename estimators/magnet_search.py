@@ -81,7 +81,7 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
     search = _quieter(search, size, size_sd, least)
     search, located = _with_slopes(search, search.located(size, size_sd), size, size_sd)
-    located = _length_counted(search, located, size, size_sd)
+    located = _left_counted(search, _length_counted(search, located, size, size_sd), size)
     looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
     too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1), search.uneven)
     better = chance < CHANCE
@@ -154,6 +154,21 @@ def _length_counted(search: Search, located: Located, size: float | None, size_s
         by_length = magnet_length.drawn(*explained(here, located, size, size_sd, part), length)
         place_sd[part] = np.hypot(place_sd[part], by_length[:, :3])
         moment_sd[part] = np.hypot(moment_sd[part], by_length[:, 3:])
+    return _less_sure(search, located, place_sd, moment_sd)
+
+
+def _left_counted(search: Search, located: Located, size: float | None) -> Located:
+    """Places no surer than what all that were found leave says: calibrations that have changed and magnetometers that sit elsewhere are in all readings alike."""
+    axes = 3.0 * np.isfinite(search.mag).all(axis=2).sum(axis=1)[located.found]
+    spare = axes - UNKNOWNS - SLOPES * (search.uneven > 0) + (size is not None)
+    if not spare.sum() > 0:
+        return located
+    left = float(np.sqrt((located.misfit[located.found] ** 2 * axes).sum() / spare.sum()))
+    grown = np.maximum(1.0, left / np.maximum(1.0, located.misfit))[:, None]  # a reading that leaves more has that in its own
+    return _less_sure(search, located, grown * located.place_sd, grown * located.moment_sd)
+
+
+def _less_sure(search: Search, located: Located, place_sd: Array, moment_sd: Array) -> Located:
     sure = place_sd.max(axis=1) < magnet_localisation.surest(located.place, search.array)
     return replace(located, place_sd=place_sd, moment_sd=moment_sd, found=located.found & sure)
 
