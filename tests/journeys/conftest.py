@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
-from tests.browser import chromium
+from tests.browser import UNDRAWN, chromium
 from tests.journeys.house import LONG, ROOT, Server, api, begun, new_patient, shots, shown
 
 SIZE = {"width": 1024, "height": 768}
@@ -20,11 +20,7 @@ SELDOM = """
   const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
   window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), PICTURE) : draws(draw));
   window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
-""".replace("PICTURE", str(PICTURE))
-UNDRAWN = """
-  for (const drawing of ["drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced", "drawRangeElements"])
-    WebGL2RenderingContext.prototype[drawing] = () => {};
-"""  # journeys ask what is in the scene; its looks are tests/app/scene's, and a picture takes half a second of both cores
+""".replace("PICTURE", str(PICTURE))  # journeys ask what is in the scene; its looks are tests/app/scene's
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from estimators import quaternions as quat
 from estimators.hand_anatomy import JOINT, JOINTS
 from estimators.hand_geometry import sized
 from estimators.samples import Event
+from tests.browser import UNDRAWN
 
 GEOMETRY = sized("left")
 T = np.arange(600) / 60.0
@@ -90,6 +91,7 @@ def test_chapters_are_named_in_the_language_asked_for() -> None:
 def test_a_browser_without_a_network_plays_it(page: str, tmp_path: Path, browser: Browser) -> None:
     (tmp_path / "replay.html").write_text(page, "utf-8")
     with browser.new_context(viewport={"width": 500, "height": 400}) as context:
+        context.add_init_script(UNDRAWN)
         shown = context.new_page()
         asked: list[str] = []
         shown.on("request", lambda request: asked.append(request.url) if request.url.startswith(("http", "ws")) else None)
