@@ -159,7 +159,9 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
         for c, fs in by.items()
     ]
     tables = (
-        Table("Errors, RMS", tuple(f"{w}, {unit}" for w, (unit, _) in WHAT.items()), tuple(errors), head="condition", digits=3, over="people"),
+        Table(
+            "Errors, RMS", tuple(f"{w}, {unit}" for w, (unit, _) in WHAT.items()), tuple(errors), head="condition", digits=3, over="people"
+        ),
         Table(
             "Squares of errors in their standard deviations (1 = as sure as it says, less = too careful)",
             tuple(WHAT),
