@@ -4,7 +4,7 @@ Every trial goes the way of somebody's own recording: tables are written, and `h
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -159,7 +159,8 @@ def measure(trial: Trial) -> Told:
         scene = made(trial, Path(folder))
         words = [f"{folder}/magnet.csv", "--array", f"{folder}/board.json", "--out", f"{folder}/places.tsv"]
         turned = ["--turned", f"{folder}/turned.csv"] if CONDITIONS[trial.condition].calibrated else []
-        _run("locate", *words, *turned)
+        if _refused("locate", *words, *turned):
+            return Told(len(scene.t), *np.zeros((3, 0)))
         out = np.genfromtxt(f"{folder}/places.tsv", names=True, delimiter="\t")
     found = out["found"] > 0.5
     off = np.column_stack([out[axis] for axis in "xyz"])[found] - scene.places[found]
@@ -198,13 +199,14 @@ def _path(condition: Condition, t: Values, rng: np.random.Generator) -> tuple[Va
     return places, MOMENT * np.column_stack([np.sin(tilt) * np.cos(round_), np.sin(tilt) * np.sin(round_), np.cos(tilt)])
 
 
-def _run(*words: str) -> None:
-    """A command of the program."""
+def _refused(*words: str) -> bool:
+    """Run a command of the program."""
     from app import cli
 
-    with redirect_stdout(StringIO()):
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         code = cli.main(list(words))
-    assert code == 0, words
+    assert code in (0, 2), words
+    return code == 2
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Told]]) -> Finding:
@@ -250,7 +252,7 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
         "Boards of 4, 9 and 16 chips are squares (pitch 8, 5 and 4 cm), of five a square of 16 cm with one in the middle, of three a triangle of 10 cm.",
         f"Every trial is another board, calibration and movement: {SECONDS:g} s at {RATE:g} Hz, a magnet of {MOMENT:g} A m^2 8 to 18 cm before the board where nothing else is said; 0.2 uT of noise an axis, 20 uT of hard and 3 % of soft iron, chips turned by quarters; "
         "calibrated with `--turned` where the field is even. What a row names is told to nobody but where it says so.",
-        "Found: places that count (`found` 1), of all readings. Surely wrong: found, and off by more than 2 mm and by more than 2.5 of the standard deviations that are told, of all readings.",
+        "Found: places that count (`found` 1), of all readings; none of a recording that is refused. Surely wrong: found, and off by more than 2 mm and by more than 2.5 of the standard deviations that are told, of all readings.",
     )
 
 
