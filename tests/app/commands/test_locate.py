@@ -64,13 +64,13 @@ def _located(folder: Path, board: Path, turned: bool = True) -> Array:
 
 def test_a_magnet_is_found_whatever_the_chips_axes(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
     folder, board, B, p = bench
-    _table(folder / "magnet.csv", B, np.random.default_rng(2))
+    _table(folder / "magnet.csv", B[::3], np.random.default_rng(2))
     out = _located(folder, board)
     place, sd = (np.column_stack([out[a + end] for a in "xyz"]) for end in ("", "_sd"))
     found = out["found"] > 0.5
     assert found.mean() > 0.95
-    assert np.median(np.linalg.norm(place - p, axis=1)[found]) < 0.002
-    assert (((place - p) / sd)[found] ** 2).mean() < 1.5
+    assert np.median(np.linalg.norm(place - p[::3], axis=1)[found]) < 0.002
+    assert (((place - p[::3]) / sd)[found] ** 2).mean() < 1.5
     said = capsys.readouterr().out
     assert "m3: an axis points the other way than on most" in said and "magnet found in" in said
 
