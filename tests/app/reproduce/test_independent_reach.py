@@ -49,7 +49,7 @@ def test_faultless_samples_lead_back_to_the_motion(monkeypatch: pytest.MonkeyPat
 
 def test_a_short_trial_gives_every_figure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(independent_reach, "COUNTS", {"four": 4})
-    found = independent_reach.measure(Trial("reaches, trunk leans", 0, 14.0))
+    found = independent_reach.measure(Trial("reaches, trunk leans", 0, 16.0))
     assert all(math.isfinite(v) for figures in found.values() for v in figures.values())
     assert set(found["four"]) == set(FIGURES) - {"back"}
     assert found["four"]["position"] < 25.0 and found["four"]["unsaid"] == 0.0
