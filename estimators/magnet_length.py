@@ -15,7 +15,7 @@ from estimators import dipole
 from estimators.magnet_fit import OF_ONE, Told, residuals
 from estimators.quaternions import Array
 
-CHANCE = 0.05  # below which errors that are everywhere the same seldom look so; a length that is none only costs certainty
+CHANCE = 0.01  # below which errors that are everywhere the same hardly look so; a length that is none only costs certainty
 STEP = 1e-3  # m
 
 
