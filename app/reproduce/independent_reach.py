@@ -1,6 +1,6 @@
 """The hand followed by a magnet in a world that is not ours: another simulator, files as another program writes them, the product's own way from there on.
 
-In      independent_world.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
+In      outside/reaching.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
 Way     a plate is turned, the recording of it opened and its magnetometers calibrated; the movement is written as Motion-BIDS, opened and processed
 Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
 """
@@ -15,9 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.reproduce import Wanted
-from app.reproduce import independent_world as world
 from app.reproduce.finding import Finding, Row, Table, Verdict, spread
-from app.reproduce.independent_world import Motion, Room, Worn
+from app.reproduce.outside import reaching as world
+from app.reproduce.outside.reaching import Motion, Room, Worn
 from estimators import hand_place, magnetometer_plate
 from estimators.hand_place import PlaceParams
 from estimators.methods import METHODS
@@ -216,7 +216,7 @@ def _mean(results: Sequence[tuple[Trial, Found]], movement: str, figure: str) ->
 
 def _setting(wanted: Wanted) -> tuple[str, ...]:
     return (
-        "Motion, field and sensors come from a simulator of its own (app/reproduce/independent_world.py: numpy and scipy, nothing of the estimators or of their simulator), are written as Motion-BIDS in deg/s and uT, and go the product's way: "
+        "Motion, field and sensors come from a simulator of its own (app/reproduce/outside/reaching.py: numpy and scipy, nothing of the estimators or of their simulator), are written as Motion-BIDS in deg/s and uT, and go the product's way: "
         "the plate's calibration from a recording of it being turned, then `process` with its defaults, which are not told how large the simulated errors are.",
         f"{wanted.seeds} seeds. Every one is another plate, magnet, room and movement of 60 s, first 10 s left out: a rod of neodymium of 8 mm by 8 mm as currents around it (0.38 A m^2), reaches of least jerk to 12 to 38 cm, a trunk that breathes, leans and turns by up to 30 deg, or steps; "
         "inertial sensors at 100 Hz (means over the sample, 0.3 deg/s and 0.05 m/s^2 of bias, 0.3 % of scale, 0.2 deg between axes), magnetometers at 75 Hz (0.35 uT of noise, 400 uT at most, 30 uT of hard iron, 4 % of soft iron, read up to 10 ms late), places told to 1 mm, the moment to 1 deg and 1 %; "

@@ -1,21 +1,14 @@
 """A world of its own for the magnet's filter: its physics against closed forms, and one short trial through files to every figure."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from app.reproduce import Wanted, independent_reach
-from app.reproduce import independent_world as world
 from app.reproduce.independent_reach import COUNTS, FIGURES, Trial
-from tests.test_architecture import imports
-
-
-def test_the_world_shares_nothing_with_the_estimators() -> None:
-    source = Path(world.__file__).read_text()
-    assert {name.partition(".")[0] for name in imports(source, "app.reproduce")} == {"collections", "dataclasses", "numpy", "scipy"}
+from app.reproduce.outside import reaching as world
 
 
 def test_a_rods_field_is_the_closed_form_on_its_axis_and_a_dipoles_far_away() -> None:
