@@ -33,7 +33,7 @@ BENCHES = {
     "reach_and_hold": "a minute with the magnet, an object lifted with force sensors at 12 and 100 Hz: times real time",
     "recorder": "17 sensors at 1 kHz with the estimator blocked for 5 s: samples lost",
     "report": "the report of a whole assessment with the course of 20 sessions, in every language: time to write it",
-    "self_calibration": "map over 10, 20 and 40 s of one finger: time, how it grows with the recording, memory",
+    "self_calibration": "map over 10, 20 and 40 s of one finger, 20 and 40 s of a whole hand: time, how it grows with the recording, memory",
     "steps": "m2 and ekf, one step of one sample of 16 sensors: median and 99th percentile",
     "start": "start of the server to its first page",
 }
