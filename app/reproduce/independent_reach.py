@@ -5,7 +5,6 @@ Way     a plate is turned, the recording of it opened and its magnetometers cali
 Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
 """
 
-import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from app.reproduce import Wanted
 from app.reproduce.finding import Finding, Row, Table, Verdict, spread
 from app.reproduce.outside import reaching as world
+from app.reproduce.outside.motion_files import axes, write_system
 from app.reproduce.outside.reaching import Motion, Room, Worn
 from estimators import hand_place, magnetometer_plate
 from estimators.hand_place import PlaceParams
@@ -159,32 +159,25 @@ def _write(
     """Motion-BIDS as text, in the units of data sheets."""
     place = folder / "sub-01" / "motion"
     place.mkdir(parents=True)
-    stem = f"sub-01_task-{task}"
+    stem = f"{place}/sub-01_task-{task}"
     q = list(np.roll(Q_BS.as_quat(), 1))
     for name, (t, samples) in inertial.items():
         values = np.column_stack([samples[:, :3] * DEG, samples[:, 3:]])
-        channels = [(name, "GYRO", "deg/s"), (name, "ACCEL", "m/s^2")]
-        _system(place, stem, name, t, values, channels, {**(more or {}), "SensorMounting": {name: q} if name == "trunk" else {}})
+        channels = [*axes(name, "GYRO", "GYRO", "deg/s"), *axes(name, "ACCEL", "ACCEL", "m/s^2")]
+        mounted = {"SensorMounting": {name: q} if name == "trunk" else {}}
+        write_system(stem, name, t, values, channels, {**_sidecar(task, t), **(more or {}), **mounted})
     t, readings = mag
     some = NAMES[: readings.shape[1]]
-    channels = [(name, "MAGN", "uT") for name in some]
-    _system(place, stem, "array", t, 1e6 * readings.reshape(len(t), -1), channels, {"SensorMounting": dict.fromkeys(some, q)})
-    (place / f"{stem}_events.tsv").write_text(
+    channels = [channel for name in some for channel in axes(name, "MAGN", "MAGN", "uT")]
+    mounted = {"SensorMounting": dict.fromkeys(some, q)}
+    write_system(stem, "array", t, 1e6 * readings.reshape(len(t), -1), channels, {**_sidecar(task, t), **mounted})
+    Path(f"{stem}_events.tsv").write_text(
         f"onset\tduration\ttrial_type\ttask_name\n1\t3\tinitial_pose\tn/a\n{world.STILL}\t{t[-1] - world.STILL:.1f}\ttask\treach\n"
     )
 
 
-def _system(
-    place: Path, stem: str, label: str, t: Array, values: Array, channels: list[tuple[str, str, str]], more: Mapping[str, object]
-) -> None:
-    base = place / f"{stem}_tracksys-{label}"
-    rows = ["name\tcomponent\ttype\ttracked_point\tunits", "t\tn/a\tLATENCY\tn/a\ts"]
-    rows += [f"{point}_{kind}_{axis}\t{axis}\t{kind}\t{point}\t{unit}" for point, kind, unit in channels for axis in "xyz"]
-    Path(f"{base}_channels.tsv").write_text("\n".join(rows) + "\n")
-    np.savetxt(f"{base}_motion.tsv", np.column_stack([t, values]), fmt="%.9g", delimiter="\t")
-    rate = round(1 / float(np.median(np.diff(t))), 3)
-    sidecar = {"TaskName": stem, "SamplingFrequency": rate, "MeasuredHand": "left", **more}
-    Path(f"{base}_motion.json").write_text(json.dumps(sidecar))
+def _sidecar(task: str, t: Array) -> dict[str, object]:
+    return {"TaskName": task, "SamplingFrequency": round(1 / float(np.median(np.diff(t))), 3), "MeasuredHand": "left"}
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:

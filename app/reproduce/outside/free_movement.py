@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from app.reproduce.outside.motion_files import axes, write_system
+
 Array = NDArray[np.float64]
 Wave = Callable[[Array], Array]  # of the time (n,) s, about 1 in size
 
@@ -139,7 +141,7 @@ def written(setup: Setup, folder: Path) -> Truth:
     for name, rate, instants, segments in strips:
         read = {s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, instants)) for s in segments}
         stamps = instants + np.clip(setup.scatter * noise.standard_normal(len(instants)), -LATEST, LATEST)
-        _write_strip(at / f"sub-01_task-free_tracksys-{name}", setup, body, rate, stamps, read)
+        _write_strip(f"{at}/sub-01_task-free", name, setup, body, rate, stamps, read)
     return Truth(body, sensors, t, *_told(setup, body, movement, t))
 
 
@@ -335,11 +337,11 @@ def _spoilt(rng: np.random.Generator, sensors: Sensors, segment: str, rate: floa
     )
 
 
-def _write_strip(stem: Path, setup: Setup, body: Body, rate: float, stamps: Array, read: Mapping[str, tuple[Array, Array]]) -> None:
+def _write_strip(
+    stem: str, name: str, setup: Setup, body: Body, rate: float, stamps: Array, read: Mapping[str, tuple[Array, Array]]
+) -> None:
     """Samples, channels and sidecar of one tracking system."""
-    rows = ["name\tcomponent\ttype\ttracked_point\tunits", "latency\tn/a\tLATENCY\tn/a\ts"]
-    for s in read:
-        rows += [f"{s}_gyr_{x}\t{x}\tGYRO\t{s}\trad/s" for x in "xyz"] + [f"{s}_acc_{x}\t{x}\tACCEL\t{s}\tm/s^2" for x in "xyz"]
+    channels = [channel for s in read for channel in (*axes(s, "gyr", "GYRO", "rad/s"), *axes(s, "acc", "ACCEL", "m/s^2"))]
     sidecar = {
         "TaskName": "free",
         "SamplingFrequency": rate,
@@ -350,7 +352,4 @@ def _write_strip(stem: Path, setup: Setup, body: Body, rate: float, stamps: Arra
         },
         "SensorMounting": {s: body.nominal[s].as_quat(scalar_first=True).tolist() for s in read},
     }
-    columns = np.concatenate([stamps[:, None], *(x for pair in read.values() for x in pair)], axis=1)
-    np.savetxt(f"{stem}_motion.tsv", columns, delimiter="\t", fmt="%.9g")
-    Path(f"{stem}_channels.tsv").write_text("\n".join(rows) + "\n")
-    Path(f"{stem}_motion.json").write_text(json.dumps(sidecar))
+    write_system(stem, name, stamps, np.concatenate([x for pair in read.values() for x in pair], axis=1), channels, sidecar)
