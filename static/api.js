@@ -10,7 +10,8 @@ export class ApiError extends Error {
   }
 }
 
-export function makeApi(stranger = () => location.assign("/login")) {
+/** `stranger` is called for each answer that asks for a login first. */
+export function makeApi(stranger) {
   const protocols = { loading: null };
 
   async function call(method, path, body) {

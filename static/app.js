@@ -14,7 +14,7 @@ const PAGES = [
   [/^\/audit$/, () => import("./pages/audit.js")],
 ];
 const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
-const api = makeApi();
+const api = makeApi(() => away || depart());
 const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // who cannot be told is refused by the server
 const main = h("main", { id: "main", tabindex: "-1" });
 const links = [
@@ -25,6 +25,7 @@ const links = [
 const heard = h("p", { class: "heard", "aria-live": "polite" });
 let leave = () => {};
 let turn = 0;
+let away = false; // the document is being left: what is refused meanwhile leads nowhere else
 
 async function show() {
   const mine = (turn += 1);
@@ -75,8 +76,14 @@ function followed(event) {
 }
 
 async function logOut() {
+  away = true;
   const told = await api.remove("/api/login").catch(() => null);
-  location.assign(told?.next ?? "/login");
+  depart(told?.next);
+}
+
+function depart(address = "/login") {
+  away = true;
+  location.assign(address);
 }
 
 document.body.append(
@@ -102,5 +109,6 @@ async function offer() {
 
 document.addEventListener("click", followed);
 addEventListener("popstate", show);
+addEventListener("pageshow", (event) => (away &&= !event.persisted)); // who comes back to a page that the browser kept is not away
 offer();
 show();

@@ -1,9 +1,9 @@
 """Nobody sees anything without a login; the printed address lets in once."""
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.journeys.house import Server, api, held_back, keep_picture, shown
+from tests.journeys.house import Server, api, held_back, keep_picture, sent_late, shown
 
 pytestmark = pytest.mark.browser
 CLINICIANS = (
@@ -65,6 +65,20 @@ def test_who_logs_out_is_out(page: Page, server: Server) -> None:
     page.wait_for_url("**/login")
     page.goto(server.base)
     page.wait_for_url("**/login")
+
+
+def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(page: Page, server: Server) -> None:
+    asked: list[Route] = []
+    page.route(f"{server.base}/login", lambda route: asked.append(route))
+    with page.expect_response("**/api/patients*") as answer, sent_late(page, "**/api/patients*"):
+        with page.expect_request("**/api/patients*"):
+            page.reload(wait_until="commit")
+        with page.expect_request(f"{server.base}/login"):
+            page.get_by_role("button", name="Log out").click(no_wait_after=True)
+    assert answer.value.status == 401
+    asked[0].continue_()
+    shown(page.get_by_label("One-time code"))
+    assert len(asked) == 1
 
 
 @pytest.mark.parametrize("seen", [True, False], ids=["its page was seen before", "its page was not yet loaded"])
