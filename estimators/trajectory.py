@@ -87,6 +87,7 @@ class Trajectory:
     tips_sd: Array | None = None  # (n, 5, 3) m
     forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
     forces_sd: Array | None = None  # (n, 5, 3) N
+    forces_alike_sd: Array | None = None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
     force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
     force_scale_sd: Array | None = None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
     torques: Array | None = (

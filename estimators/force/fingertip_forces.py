@@ -69,7 +69,7 @@ def attached(
     fingers = [s.finger for s in sensors]
     rows = [FINGERS.index(f) for f in fingers]
     read = [_read(params, s.block, moved.t) for s in sensors]
-    force, sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "flags"))
+    force, sd, zero_sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "zero_sd", "flags"))
     scale = _scales(params, sensors)
     aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors))
     q_GF, acc, gyr = _cuffs(moved, blocks, _seated(mounting, blocks), calibrations, fingers)
@@ -100,7 +100,7 @@ def attached(
     own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
     skew = quat.skew(in_global)
     turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
-    total = np.sqrt(sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned)
+    alike, total = (np.sqrt(own_sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned) for own_sd in (zero_sd, sd))
     spread = _Spread(len(moved), rows)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(own).all(axis=2, keepdims=True)
@@ -109,6 +109,7 @@ def attached(
         moved,
         forces=spread.over_fingers(in_global),
         forces_sd=spread.over_fingers(total),
+        forces_alike_sd=spread.over_fingers(alike),
         force_flags=spread.over_fingers(flags, 0),
         force_scale_sd=spread.over_fingers(np.tile(scale, (len(moved), 1))) if any(s.calibrated for s in sensors) else None,
         lifting=lifting,
@@ -229,6 +230,7 @@ def _cuff_sd(params: ForceParams, sensors: Sequence[Sensor]) -> float:
 class _Read:
     force: Array  # (n, 3) N, without the zero
     sd: Array  # (n,)
+    zero_sd: Array  # (n,) of it that of the zero
     flags: NDArray[np.uint8]  # (n,)
     free: NDArray[np.bool_]  # (samples of the sensor,) where it touches nothing
 
@@ -257,7 +259,8 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     flags[nothing.jump[near, 0] > params.doubt] |= np.uint8(ForceFlag.DRIFT)
     lost = told.distance[:, 0] > LOST
     force = np.where(lost[:, None], np.nan, told.values[:, 0])
-    return _Read(force, np.hypot(told.sd[:, 0], _zero_sd(nothing, near)), flags, nothing.free[:, 0])
+    zero_sd = _zero_sd(nothing, near)
+    return _Read(force, np.hypot(told.sd[:, 0], zero_sd), zero_sd, flags, nothing.free[:, 0])
 
 
 def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool_], Array, Zero]:

@@ -32,6 +32,7 @@ class Holding:
     fingers: tuple[str, ...]  # with a force sensor, in the order of the hand
     forces: Array  # (n, S, 3) N, in the global frame
     sd: Array  # (n, S, 3) N
+    alike_sd: Array  # (n, S, 3) N, of that what a hold does not average out
     lifting: Array  # (n, 3) m/s^2, specific force g + a
     axis: Array  # (n, 3) unit vector from the other fingers towards the thumb, in the global frame; NaN without a thumb
     distance: Array  # (n,) m between the pads, along it
@@ -130,13 +131,15 @@ def untold_share(h: Holding, used: NDArray[np.bool_]) -> float:
 
 def _holding(part: Trajectory, fingers: Sequence[str], geometry: HandGeometry | None) -> Holding:
     rows = [FINGERS.index(f) for f in fingers]
-    assert part.forces is not None and part.forces_sd is not None and part.force_flags is not None and part.lifting is not None
+    assert part.forces is not None and part.forces_sd is not None and part.forces_alike_sd is not None
+    assert part.force_flags is not None and part.lifting is not None
     axis, distance = _between(part, _pads(part, fingers, geometry), part.forces[:, rows], fingers)
     return Holding(
         part.t,
         tuple(fingers),
         part.forces[:, rows],
         part.forces_sd[:, rows],
+        part.forces_alike_sd[:, rows],
         part.lifting,
         axis,
         distance,

@@ -124,6 +124,33 @@ def test_no_mass_is_told_of_what_weighs_nothing() -> None:
     assert "hardly weighs anything" in found.reason and np.isnan(found.lifts[0].mass)
 
 
+def held_up(support: float, swing: float, noise: float = 0.07, alike: float = 0.02) -> Holding:
+    """0.2 kg between two fingers for five seconds, raised and lowered meanwhile; something else pushes up by so many N."""
+    t, rng = np.arange(0.0, 5.0, 0.08), np.random.default_rng(5)
+    lifting = np.stack([0 * t, 0 * t, GRAVITY + swing * np.sin(2 * np.pi * 0.4 * t)], axis=1)
+    push = np.array([3.0, 0.0, 0.0])
+    forces = np.stack([0.5 * (0.2 * lifting - [0.0, 0.0, support]) + side * push for side in (1, -1)], axis=1)
+    forces += noise / np.sqrt(2) * rng.normal(size=forces.shape)
+    axis, sd = np.tile([1.0, 0.0, 0.0], (len(t), 1)), np.full(forces.shape, alike)
+    return Holding(
+        t, ("thumb", "index"), forces, np.hypot(sd, noise), sd, lifting, axis, 0 * t, 0 * t, 0 * t, np.zeros((len(t), 2), np.uint8)
+    )
+
+
+def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_acceleration() -> None:
+    def weighed(h: Holding) -> lift.Weighed:
+        return lift.mass_of(lift.Params(), h, np.ones(len(h.t), bool))
+
+    alone, shared, hidden = weighed(held_up(0.0, 1.0)), weighed(held_up(0.45, 1.0)), weighed(held_up(0.45, 0.05))
+    assert alone.supported < lift.Params().perhaps < shared.supported
+    assert weighed(held_up(0.8, 1.0)).supported > lift.Params().constant
+    assert hidden.supported < lift.Params().perhaps, "who holds still cannot tell it from a lighter object"
+    for one, mass in ((alone, 0.2), (shared, 0.2), (hidden, 0.2 - 0.45 / GRAVITY)):
+        assert one.mass == pytest.approx(mass, abs=2 * one.sd)
+    assert alone.sd < 0.02 * 0.2 + np.sqrt(2) * 0.02 / GRAVITY, "noise of many samples is averaged out"
+    assert shared.sd > 5 * alone.sd
+
+
 def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
     bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
@@ -218,7 +245,20 @@ def test_work_is_done_against_gravity_and_inertia_in_all_directions() -> None:
     push = np.stack([np.sin(5 * t), 6 + t, np.cos(3 * t)], axis=1)
     forces = np.stack([0.3 * 0.5 * lifting + push, 0.7 * 0.5 * lifting - push], axis=1)
     flags = np.zeros((len(t), 2), np.uint8)
-    h = Holding(t, ("thumb", "index"), forces, 0 * forces, lifting, 0 * place, 0 * t, velocity[:, 2], place[:, 2], flags, velocity=velocity)
+    h = Holding(
+        t,
+        ("thumb", "index"),
+        forces,
+        0 * forces,
+        0 * forces,
+        lifting,
+        0 * place,
+        0 * t,
+        velocity[:, 2],
+        place[:, 2],
+        flags,
+        velocity=velocity,
+    )
     expected = 0.5 * GRAVITY * 0.4 + 0.5 * 0.5 * (0.9**2 + 0.2**2)
     assert lift.lifting_work(h, np.ones(len(t), bool)) == pytest.approx(expected, rel=1e-4)
 
