@@ -6,7 +6,7 @@ some seconds of simulated movement. The code is kept; two processes that transla
 
 import numpy as np
 
-from estimators import magnet_setup, magnet_tracking, methods, zero_velocity
+from estimators import magnet_setup, magnet_smoothing, magnet_tracking, methods, zero_velocity
 from estimators.magnet_options import MagnetParams
 from estimators.magnet_tracking import Readings, Setup
 from estimators.processing import process
@@ -23,7 +23,8 @@ def everything() -> None:
     stuffing.unstuffed(b"\x01")
     calibrates = methods.BATCH["map"]
     process(calibrates, calibrates.Params(), artificial_finger.recorded(np.random.default_rng(0), SensorErrors(), duration=10.0))
-    magnet_tracking.tracked(MagnetParams(), *_carried())
+    setup, readings = _carried()
+    magnet_smoothing.smoothed(MagnetParams(), magnet_tracking.start(setup), readings)
 
 
 def _carried() -> tuple[Setup, Readings]:

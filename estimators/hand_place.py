@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_setup, magnet_streams, magnet_tracking
+from estimators import magnet_setup, magnet_smoothing, magnet_streams, magnet_tracking
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.gravity import GRAVITY
@@ -115,20 +115,18 @@ def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Plac
 
 
 def followed(s: Setting, blocks: Sequence[Block]) -> Places:
-    """A whole recording: the same steps as live. InputError where the readings cannot be T."""
-    return joined([_told(s, track) for track in tracked(s, blocks)[1]])
+    """A whole recording: every place with what later readings say of it. InputError where the readings cannot be T."""
+    return _told(s, tracked(s, blocks)[1])
 
 
-def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracking.State, list[Track]]:
-    """What the filter makes of a whole recording, and where it ends. InputError where the readings cannot be T."""
-    waiting, first = magnet_streams.take(Waiting(s.magnetometers, {}), blocks, s.params.patience)
+def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracking.State, Track]:
+    """What is made of a whole recording, and where the filter ends. InputError where the readings cannot be T."""
+    readings = magnet_streams.whole(s.magnetometers, blocks, s.params.patience)
     try:
-        magnet_setup.require_field(first.mag)
+        magnet_setup.require_field(readings.mag)
     except InputError as problem:
         raise InputError(f"{UNHEARD}: {problem}") from None
-    following, begun = magnet_tracking.step(s.params, magnet_tracking.start(s.setup), first)
-    following, late = magnet_tracking.step(s.params, following, magnet_streams.rest(waiting))
-    return following, [begun, late]
+    return magnet_smoothing.smoothed(s.params, magnet_tracking.start(s.setup), readings)
 
 
 def joined(pieces: Sequence[Places]) -> Places:

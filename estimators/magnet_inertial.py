@@ -40,17 +40,9 @@ from estimators.magnet_filter import (
     transposed,
 )
 from estimators.quaternions import Array
-from estimators.small_matrices import block
+from estimators.small_matrices import block, clear
 
 ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
-
-
-@inlined
-def clear(H: Array) -> None:
-    """All entries zero."""
-    for i in range(H.shape[0]):
-        for j in range(H.shape[1]):
-            H[i, j] = 0.0
 
 
 @inlined

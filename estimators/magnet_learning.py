@@ -54,8 +54,8 @@ def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mount
         raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
     if len(s.magnetometers) < 2:
         raise InputError(f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more.")
-    state, tracks = hand_place.tracked(s, blocks)
-    doubtful, sd = np.concatenate([t.doubtful for t in tracks]), np.concatenate([t.p_sd for t in tracks])
+    state, track = hand_place.tracked(s, blocks)
+    doubtful, sd = track.doubtful, track.p_sd
     if state.x is None or not len(sd):
         raise InputError(f"{REFUSED}: trunk, hand and magnetometers were never read at the same time.")
     known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.sure

@@ -37,6 +37,7 @@ from estimators.magnet_filter import (
 from estimators.magnet_inertial import inertial
 from estimators.magnet_lateness import TELLS, WAY, considered, dependence, settled, went_on
 from estimators.magnet_reading import EVIDENCE, answered, compared, kept, magnetometers, read, searched, sought
+from estimators.magnet_trace import Trace, alone, beside, foreseen, told_of
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
 
@@ -85,7 +86,7 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
 @inlined
 def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float, left: Array) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
-    (1,): normalised innovation squared of all readings where it puts the hand."""
+    (2,): normalised innovation squared of all readings where it puts the hand, and whether it was sought elsewhere."""
     lost = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
     if lost:
         start, _, cost = sought(s, x, P, way, np.zeros(len(P)), mag, 1.0)
@@ -93,7 +94,7 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
-            start, grown = np.zeros(len(P)), 1.0
+            start, grown, left[1] = np.zeros(len(P)), 1.0, 1.0
         dx, C, cost = sought(s, x, P, way, start, mag, grown)
     else:
         dx, C, cost = kept(s, x, P, way, mag, grown)
@@ -237,12 +238,18 @@ def followed(
     states: Array,
     variances: Array,
     moods: Array,
+    trace: Trace,
 ) -> Array:
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
-    states (n, ...), variances (n, ...), surprise (n,). P, mood, `before` (the last good readings) and `way` in place; gives the state."""
-    F, now, left = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(1)
+    states (n, ...), variances (n, ...), surprise (n,), and the trace if it has rows. P, mood, `before` (the last good readings) and `way` in place; gives
+    the state."""
+    F, now, left, own, lasting = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(2), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    traced = len(trace.state) > 0
+    if traced:
+        beside(P, own, lasting)
     for n in range(len(samples)):
         dt, rough, v = dts[n], 1.0, x[3:6].copy()
+        left[1] = 0.0 if 0 < dt <= s.max_gap else 1.0
         for i in range(12):
             now[i] = samples[n, i]
             if math.isnan(now[i]):
@@ -260,6 +267,8 @@ def followed(
             for i in range(3 * len(mags[n])):  # what calibrations left becomes another, and nothing is known of that
                 x[XM + 6 + i] *= F[B_, B_]
             widened(s, P, F, dt, w_b, w_t, pushed(s, x, now), max(s.field_across, roamed(mood, x, dt)), rough)
+        if traced:
+            foreseen(trace, n, x, P, F, own, lasting)
         went_on(way, now, dt if 0 < dt <= s.max_gap else 0.0)
         settled(way, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
         for i in range(12):
@@ -282,7 +291,7 @@ def followed(
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:
                 forgotten(s, x, P, centre, TURN_LOST)
-                mood[OUT] = 0.0
+                mood[OUT], left[1] = 0.0, 1.0
         else:
             mood[SILENT] += step
         if rough < 2.0:
@@ -296,4 +305,8 @@ def followed(
         for i in range(len(x)):
             states[n, i] = x[i]
         moods[n] = mood[SURPRISE]
+        if traced:
+            if left[1] > 0.5:
+                alone(trace, n, own)
+            told_of(trace, n, x, P, own, lasting)
     return x

@@ -8,7 +8,7 @@ Limits  a stream that stays away for longer than the patience is missing at thos
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -67,6 +67,13 @@ def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Wa
 def rest(waiting: Waiting) -> Readings:
     """The instants still held back: nothing more will come."""
     return take(waiting, [], -np.inf)[1]
+
+
+def whole(magnetometers: tuple[str, ...], blocks: Sequence[Block], patience: float) -> Readings:
+    """All instants of a recording, with those that `take` would hold back."""
+    waiting, first = take(Waiting(magnetometers, {}), blocks, patience)
+    last = rest(waiting)
+    return Readings(*(np.concatenate([getattr(first, f.name), getattr(last, f.name)]) for f in fields(Readings)))
 
 
 def _of(held: Mapping[str, Block], point: str, quantity: str) -> Block | None:

@@ -10,6 +10,7 @@ Limits  with one magnetometer the field of the room and the magnet's cannot be t
         array. A magnet that nobody told of is flagged, not tracked
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from estimators.magnet_localisation import Located, located
 from estimators.magnet_loop import MOODS, followed
 from estimators.magnet_options import DEG, MagnetParams, sizes
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from estimators.magnet_trace import Trace, rows_of, traced
 from estimators.quaternions import Array
 from estimators.sensor_fusion import upright
 
@@ -122,25 +124,26 @@ def start(setup: Setup) -> State:
     )
 
 
-def step(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+def step(params: MagnetParams, state: State, readings: Readings, trace: Trace | None = None) -> tuple[State, Track]:
     """Advance by samples of any number; nothing depends on where they are cut. Magnetometers with more noise than was told are found out by their first
-    readings: what was made of those is forgotten."""
+    readings: what was made of those is forgotten. Fills a trace of as many rows, for who goes back (magnet_smoothing.py)."""
     n, many = len(readings.t), len(state.setup.array)
     if readings.mag.shape != (n, many, 3) or readings.base.shape != (n, 6) or readings.target.shape != (n, 6):
         raise InputError(
             f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
         )
     if state.heard is None:
-        return _advanced(params, state, readings)
+        return _advanced(params, state, readings, trace)
     fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
     heard = np.concatenate([state.heard, readings.mag[fresh]])
     enough = next(many for many in LISTENED if many > len(state.heard))
     if len(heard) < enough:
-        return _advanced(params, replace(state, heard=heard), readings)
+        return _advanced(params, replace(state, heard=heard), readings, trace)
     cut = int(fresh[enough - 1 - len(state.heard)]) + 1
-    state, early = _advanced(params, state, _part(readings, slice(cut)))
-    state, late = step(params, _listened(params, state, heard[:enough]), _part(readings, slice(cut, None)))
-    return state, _joined(early, late)
+    state, early = _advanced(params, state, part(readings, slice(cut)), rows_of(trace, slice(cut)))
+    later = slice(cut, None)
+    state, late = step(params, _listened(params, state, heard[:enough]), part(readings, later), rows_of(trace, later))
+    return state, joined([early, late])
 
 
 def _listened(params: MagnetParams, state: State, heard: Array) -> State:
@@ -162,7 +165,7 @@ def _noise(mag: Array) -> float:
     return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
-def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Trace | None) -> tuple[State, Track]:
     """By samples over which the noise of the magnetometers is one."""
     params = replace(params, mag_noise=max(params.mag_noise, state.noise))
     array, n, samples = state.setup.array, len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
@@ -204,6 +207,7 @@ def _advanced(params: MagnetParams, state: State, readings: Readings) -> tuple[S
         states,
         variances,
         moods,
+        rows_of(trace, slice(first, None)) or traced(0, len(x)),
     )
     t = float(readings.t[-1]) if n else state.t
     track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
@@ -365,16 +369,18 @@ def _told(
     )
     if not first:
         return rest
-    return _joined(_before(start(setup), readings, 0, first, saturated), rest)
+    return joined([_before(start(setup), readings, 0, first, saturated), rest])
 
 
-def _joined(early: Track, late: Track) -> Track:
-    return Track(*(np.concatenate([getattr(early, f.name), getattr(late, f.name)]) for f in fields(Track)))
+def joined(pieces: Sequence[Track]) -> Track:
+    """One after the other."""
+    return Track(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Track)))
 
 
-def _part(readings: Readings, part: slice) -> Readings:
-    age = None if readings.age is None else readings.age[part]
-    return Readings(readings.t[part], readings.base[part], readings.target[part], readings.mag[part], age)
+def part(readings: Readings, rows: slice) -> Readings:
+    """Some of the readings."""
+    age = None if readings.age is None else readings.age[rows]
+    return Readings(readings.t[rows], readings.base[rows], readings.target[rows], readings.mag[rows], age)
 
 
 def _ages(readings: Readings) -> Array:

@@ -205,5 +205,5 @@ def _matrix(q: Array, row: Array, R: Array) -> None:
 
 # for one row, as other kernels call them
 multiply_row, conjugate_row, rotate_row, normalize_row = _multiply.row, _conjugate.row, _rotate.row, _normalize.row
-relative_row = _relative.row
+relative_row, log_row = _relative.row, _log.row
 exp_row, log_row, angle_row, matrix_row = _exp.row, _log.row, _angle.row, _matrix.row

@@ -4,10 +4,22 @@ In      arrays of a kernel's row; the last argument is filled
 Limits  a kernel copies whole arrays by `put` only: numba takes seconds to translate an assignment to a slice
 """
 
+import math
+
 import numpy as np
 
 from estimators.compiled import inlined
 from estimators.quaternions import Array
+
+SINGULAR = 1e-12  # of a diagonal entry: what is left of it below that is rounding
+
+
+@inlined
+def clear(M: Array) -> None:
+    """All entries zero."""
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            M[i, j] = 0.0
 
 
 @inlined
@@ -64,3 +76,42 @@ def variance_of(h: Array, P: Array) -> float:
             for j in range(len(h)):
                 total += h[i] * P[i, j] * h[j]
     return total
+
+
+@inlined
+def cholesky(S: Array, L: Array) -> bool:
+    """L of S = L L', the upper half with zeros; no where S is not positive definite."""
+    for i in range(len(S)):
+        for j in range(i + 1):
+            s = S[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j], L[j, i] = s / L[j, j], 0.0
+            elif s > SINGULAR * S[i, i]:
+                L[i, i] = math.sqrt(s)
+            else:
+                return False
+    return True
+
+
+@inlined
+def lowered(L: Array, B: Array) -> None:
+    """L^-1 B in place, of a lower triangular L."""
+    for i in range(len(L)):
+        for k in range(i):
+            for j in range(B.shape[1]):
+                B[i, j] -= L[i, k] * B[k, j]
+        for j in range(B.shape[1]):
+            B[i, j] /= L[i, i]
+
+
+@inlined
+def raised(L: Array, B: Array) -> None:
+    """L'^-1 B in place."""
+    for i in range(len(L) - 1, -1, -1):
+        for k in range(i + 1, len(L)):
+            for j in range(B.shape[1]):
+                B[i, j] -= L[k, i] * B[k, j]
+        for j in range(B.shape[1]):
+            B[i, j] /= L[i, i]

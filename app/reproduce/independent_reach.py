@@ -79,11 +79,9 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     moved = process(METHODS["m2"], METHODS["m2"].Params(), recording).trajectory
     s = hand_place.setting(PlaceParams(), recording.plate, recording.streams, recording.mounting)
     assert s is not None and moved.place is not None and moved.place_sd is not None and moved.place_flags is not None
-    tracks = hand_place.tracked(s, list(recording.samples.values()))[1]
-    after = np.concatenate([k.t for k in tracks]) > FIRST
-    t, q_bt, q_bt_sd, q_gb, q_gb_sd = (
-        np.concatenate([getattr(k, f) for k in tracks])[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd")
-    )
+    track = hand_place.tracked(s, list(recording.samples.values()))[1]
+    after = track.t > FIRST
+    t, q_bt, q_bt_sd, q_gb, q_gb_sd = (getattr(track, f)[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd"))
     (p_b, p_t), (R_b, _) = motion.at(moved.t)
     off = moved.place - (Q_BS * R_b.inv()).apply(p_t - p_b)
     wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)

@@ -114,7 +114,7 @@ def test_blocks_may_be_cut_anywhere_and_streams_may_come_in_turn(both: tuple[Mot
         for piece in pieces:
             state, places = hand_place.step(s, state, [piece])
             told.append(places)
-    live, whole = hand_place.joined(told), hand_place.followed(s, [b.between(0.0, 245 / 60 - 1e-6) for b in blocks])
+    live, whole = hand_place.joined(told), hand_place.step(s, hand_place.start(s), [b.between(0.0, 245 / 60 - 1e-6) for b in blocks])[1]
     n = len(live)
     assert n > 225
     np.testing.assert_array_equal(live.place, whole.place[:n])

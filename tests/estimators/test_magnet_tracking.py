@@ -13,6 +13,7 @@ from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.magnet_filter import XM
 from estimators.magnet_options import MagnetParams
+from estimators.magnet_smoothing import smoothed
 from estimators.magnet_tracking import Readings, Setup, Track
 from estimators.quaternions import Array
 from estimators.simulation import magnet as sim
@@ -68,6 +69,31 @@ def test_both_moving_is_followed_within_the_target(both: tuple[Motion, Setup, Re
     trunk = np.degrees(np.sqrt((quat.angle(quat.relative(m.q[:, 0], track.q_gb))[late] ** 2).mean()))
     assert trunk < 2.0, "3 deg where heading and field may turn together"
     assert not track.doubtful[late].any()
+
+
+def test_later_readings_make_the_way_smooth_and_nearer_and_no_surer_than_it_is(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    m, setup, readings, filtered = both
+    state, track = smoothed(PARAMS, tracking.start(setup), readings)
+    late = m.t > 10.0
+    away, before = (np.linalg.norm(np.gradient(k.p_bt - m.p_bt, m.t, axis=0), axis=1)[late] for k in (track, filtered))
+    assert np.sqrt((away**2).mean()) < 0.02 < 3 * np.sqrt((before**2).mean()), "m/s"
+    assert np.sqrt((_off(m, track)[late] ** 2).mean()) < 0.8 * np.sqrt((_off(m, filtered)[late] ** 2).mean())
+    assert (((track.p_bt - m.p_bt) / track.p_sd)[late] ** 2).mean() < 2.0
+    assert (track.p_sd[late] < filtered.p_sd[late] + 1e-9).all()
+    np.testing.assert_array_equal(track.doubtful, filtered.doubtful)
+    assert state.x is not None
+    np.testing.assert_allclose(track.p_bt[-1], filtered.p_bt[-1], atol=1e-12)
+    np.testing.assert_allclose(track.p_sd[-1], filtered.p_sd[-1], rtol=1e-6)
+
+
+def test_readings_behind_a_gap_say_nothing_of_what_was_before(both: tuple[Motion, Setup, Readings, Track]) -> None:
+    m, setup, readings, _ = both
+    kept = (m.t < 12.0) | (m.t > 13.0)
+    first = tracking.part(readings, slice(int((m.t < 12.0).sum())))
+    whole = Readings(readings.t[kept], readings.base[kept], readings.target[kept], readings.mag[kept])
+    alone, together = (smoothed(PARAMS, tracking.start(setup), r)[1] for r in (first, whole))
+    np.testing.assert_allclose(together.p_bt[: len(alone)], alone.p_bt, atol=1e-9)
+    np.testing.assert_allclose(together.p_sd[: len(alone)], alone.p_sd, rtol=1e-4)
 
 
 def test_nothing_depends_on_where_blocks_are_cut(both: tuple[Motion, Setup, Readings, Track]) -> None:
@@ -280,6 +306,12 @@ def test_a_second_magnet_is_flagged_and_not_believed(both: tuple[Motion, Setup, 
     off, late = _off(m, track), m.t > 5.0
     assert track.doubtful[late].mean() > 0.9
     assert not ((off > 0.05) & ~track.doubtful & (off > 4 * np.linalg.norm(track.p_sd, axis=1)))[late].any()
+    whole = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    for of_both in ((track.p_bt, whole.p_bt), (track.q_gb, whole.q_gb)):
+        np.testing.assert_allclose(
+            *(rows[track.doubtful] for rows in of_both), atol=1e-12, err_msg="what is doubtful is as the filter had it"
+        )
+    np.testing.assert_allclose(whole.p_sd[track.doubtful], track.p_sd[track.doubtful], rtol=1e-3)
 
 
 def test_a_place_told_wrong_is_flagged_and_not_believed(both: tuple[Motion, Setup, Readings, Track]) -> None:
