@@ -24,7 +24,18 @@ from estimators.options import option
 from estimators.quaternions import Array
 from estimators.run import run
 from estimators.samples import Block, Recording
-from estimators.self_calibration import certainty, findings, first_guess, hand_solver, posterior, recordings, segments, solver, words
+from estimators.self_calibration import (
+    certainty,
+    findings,
+    first_guess,
+    hand_solver,
+    normal_equations,
+    posterior,
+    recordings,
+    segments,
+    solver,
+    words,
+)
 from estimators.self_calibration.certainty import DRAWS
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import LIMBS, Chain, Noise, Readings, Unknowns, Z, chain, columns, measured, mounted, posed
@@ -144,7 +155,7 @@ def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Cal
     words.require_one_minimum(params, limb.name, read, found, float(t[0]))
     described = _described(params, recording, limb.name, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
     words.require_possible(described)
-    return described
+    return replace(described, solution=replace(found, factor=normal_equations.remembered(found.factor.covariance)))
 
 
 def _together(
@@ -171,7 +182,7 @@ def _together(
     return [
         _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
         for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
-    ], []
+    ], [word for f, misfit in zip(alone, hand_solver.misfits(found)) for word in words.not_assumed(f, *misfit)]
 
 
 def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:

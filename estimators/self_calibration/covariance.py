@@ -14,7 +14,7 @@ import numpy as np
 
 from estimators import quaternions as quat
 from estimators.quaternions import Array
-from estimators.self_calibration import normal_equations, posterior, residuals
+from estimators.self_calibration import misfit, normal_equations, posterior, residuals
 from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Problem, Unknowns, columns
 from estimators.self_calibration.residuals import SECOND_DIFFERENCE, Terms
@@ -25,12 +25,11 @@ NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may be anoth
 DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much larger, and it is random itself
 
 
-def honest(problem: Problem, at: Unknowns, factor: Factor) -> Factor:
-    """The factor with a covariance as sure as movement makes it."""
-    made_up = apparent(problem, at, factor)
+def honest(problem: Problem, at: Unknowns, factor: Factor, made_up: Array) -> Factor:
+    """The factor with a covariance as sure as movement makes it; `made_up` (P, P) of `apparent`."""
     slopes = residuals.priors(problem, at)[1]
-    covariance = without_noise(factor.covariance, made_up, slopes.T @ slopes, arms(problem, at))
-    return replace(factor, covariance=covariance + np.diag(walked(problem)))
+    told = without_noise(factor.covariance, made_up, slopes.T @ slopes, arms(problem, at)) + np.diag(walked(problem))
+    return replace(factor, covariance=misfit.widened(told, misfit.of_limb(problem, at, factor), factor.covariance))
 
 
 def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS, known: Sequence[Terms] | None = None) -> Array:

@@ -87,7 +87,7 @@ def cost(problem: HandProblem, at: HandPlace) -> float:
         total += 0.5 * float((priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
         for start in range(0, len(limb), CHUNK):
             for kind in _kinds(k):
-                total += 0.5 * float((_alone(problem, at, k, kind, start) ** 2).sum())
+                total += 0.5 * float((_alone(problem, at, k, kind, start, start + CHUNK) ** 2).sum())
     return total
 
 
@@ -100,16 +100,17 @@ def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
     return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel(), at.skin_law]) / sd, sd
 
 
-def terms_of(problem: HandProblem, at: HandPlace, k: int) -> Iterator[Terms]:
-    """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first."""
+def terms_of(problem: HandProblem, at: HandPlace, k: int, first: int = 0, last: int | None = None) -> Iterator[Terms]:
+    """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first. Of samples from `first` to before `last`."""
     limb, place = problem.limbs[k], at.limbs[k]
-    quiet, bending = _quiet(limb), hand_problem.bending(problem)
-    for start in range(0, len(limb), CHUNK):
+    quiet, bending, end = _quiet(limb), hand_problem.bending(problem), len(limb) if last is None else last
+    for start in range(first, end, CHUNK):
+        stop = min(start + CHUNK, end)
         for kind in _kinds(k):
             if kind is residuals.meeting:
-                yield _meeting(quiet, place, at, bending, start)
+                yield _meeting(quiet, place, at, bending, start, stop)
             else:
-                yield _widened(_with_hand(kind(limb, place, start, start + CHUNK), kind, k))
+                yield _widened(_with_hand(kind(limb, place, start, stop), kind, k))
 
 
 def _kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
@@ -129,18 +130,18 @@ def _quiet(limb: Problem) -> Problem:
     return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
 
 
-def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int) -> Array:
+def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int) -> Array:
     """Residuals of limb k without derivatives."""
     limb, place = problem.limbs[k], at.limbs[k]
     if kind is residuals.meeting:
-        return _met(_quiet(limb), place, at, hand_problem.bending(problem), start)[0]
-    return _with_hand(kind(limb, place, start, start + CHUNK), kind, k).r
+        return _met(_quiet(limb), place, at, hand_problem.bending(problem), start, stop)[0]
+    return _with_hand(kind(limb, place, start, stop), kind, k).r
 
 
-def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int) -> tuple[Array, Array]:
+def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> tuple[Array, Array]:
     """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
-    first, stop, root = max(start, 1), min(start + CHUNK, len(quiet) - 1), hand_problem.root(quiet.chain)
-    r = residuals.met(quiet, place, start, start + CHUNK).reshape(stop - first, -1, 3)
+    first, stop, root = max(start, 1), min(stop, len(quiet) - 1), hand_problem.root(quiet.chain)
+    r = residuals.met(quiet, place, first, stop).reshape(stop - first, len(quiet.chain.joints), 3)
     seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
     samples = np.arange(first - 1, stop + 1)
     v = place.far[root] - skin_motion.seen(
@@ -152,29 +153,30 @@ def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: 
     return r + pulled - seen * at.error[first:stop, None], pulled
 
 
-def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int) -> Terms:
+def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> Terms:
     """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
-    terms, chain = _widened(residuals.meeting(quiet, place, start, start + CHUNK)), quiet.chain
+    terms, chain = _widened(residuals.meeting(quiet, place, start, stop)), quiet.chain
     T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
     first, k = terms.first + 1, hand_problem.root(chain)
     seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
-    grown, (r, by_pull) = residuals.common_scale(place), _met(quiet, place, at, bending, start)
+    grown, (r, by_pull) = residuals.common_scale(place), _met(quiet, place, at, bending, start, stop)
     by_turn, by_far, by_skin = pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
 
     def shared(v: Array) -> Array:
         """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
         return np.asarray(np.einsum("tj,t...->tj...", seen / grown, v))
 
-    by = terms.by_turns.reshape(T, J, 3, terms.knots, -1)
+    by = terms.by_turns.reshape(T, J, 3, terms.knots, 3 * S + OWN)
     by[..., :3] += shared(by_turn.transpose(0, 2, 1, 3))
     for axis in range(3):
         by[:, :, axis, 1, axis - OWN] = -seen
-    slopes = terms.by_parameters.reshape(T, J, 3, -1)
+    slopes = terms.by_parameters.reshape(T, J, 3, len(terms.cols))
     slopes[..., 3 * k : 3 * k + 3] += shared(by_far)
     slopes[..., -9 * S :] -= by_pull[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
     cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
-    return replace(terms, r=r.reshape(T, -1), by_turns=by.reshape(T, 3 * J, -1), by_parameters=slopes.reshape(T, 3 * J, -1), cols=cols)
+    by_turns, by_parameters = by.reshape(terms.by_turns.shape), slopes.reshape(T, 3 * J, len(cols))
+    return replace(terms, r=r.reshape(T, 3 * J), by_turns=by_turns, by_parameters=by_parameters, cols=cols)
 
 
 def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
@@ -188,8 +190,8 @@ def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, sample
     turned, slid = -R @ skin_motion.by_turn(moved, arm), R @ moved.back
     by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
     by_law = np.einsum("tkf,tkif->tif", skin_motion.by_law(bent, at.skin_law)[1], turned @ at.skin_turn.T + slid @ at.skin_slide.T)
-    T = len(b)
-    by_skin = np.concatenate([by_turn.reshape(T, 3, -1), by_slide.reshape(T, 3, -1), by_law], axis=2)
+    T, _, F = b.shape
+    by_skin = np.concatenate([by_turn.reshape(T, 3, 3 * F), by_slide.reshape(T, 3, 3 * F), by_law], axis=2)
     return -R @ quat.skew(v), by_far, by_skin
 
 
@@ -313,6 +315,15 @@ def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_paramete
     told = _forward(factor, _paired(np.stack([_bordered(normal, p) for p in parameters])))
     x = _backward(factor, _paired(of_samples) - told)
     return [Step(*one) for one in zip(_each_sample(x, normal), parameters)]
+
+
+def answered(normal: HandNormal, factor: HandFactor, of_samples: Array) -> Array:
+    """B' A^-1 v (m, P), of v (m, n, each): how gradients by samples' unknowns pull the parameters, but for their sign."""
+    x = _each_sample(_backward(factor, _forward(factor, _paired(of_samples))), normal)
+    found = np.zeros((len(x), normal.layout.count))
+    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
+        found[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
+    return found
 
 
 def _bordered(normal: HandNormal, parameters: Array) -> Array:

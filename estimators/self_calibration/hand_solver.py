@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import side_by_side
-from estimators.self_calibration import covariance, hand_equations, hand_problem, posterior
+from estimators.quaternions import Array
+from estimators.self_calibration import covariance, hand_equations, hand_problem, misfit, normal_equations, posterior
 from estimators.self_calibration.hand_equations import HandFactor, HandNormal
 from estimators.self_calibration.hand_problem import HandPlace, HandProblem
-from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
 from estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
 
@@ -27,6 +26,7 @@ class HandSolution:
     costs: tuple[float, ...]
     normal: HandNormal
     factor: HandFactor
+    pulled: Array  # (P,) misfit.sizes
 
 
 def solve(
@@ -36,29 +36,29 @@ def solve(
     problem, start = hand_problem.gathered([s.problem for s in alone], noise), hand_problem.merged([s.at for s in alone])
     way = down(Ground(hand_problem.rebent, hand_equations.cost, _sloped), problem, start, limits, go_on)
     normal = hand_equations.built(way.problem, way.at)
-    factor = _honest(way.problem, way.at, hand_equations.factored(normal), alone)
-    return HandSolution(way.problem, way.at, way.outcome, way.costs, normal, factor)
+    raw = hand_equations.factored(normal)
+    pulls = misfit.of_hand(way.problem, way.at, normal, raw)
+    factor = replace(raw, covariance=misfit.widened(_told(way.problem, way.at, raw, alone), pulls, raw.covariance))
+    return HandSolution(way.problem, way.at, way.outcome, way.costs, normal, factor, misfit.sizes(pulls, raw.covariance))
 
 
-def _honest(problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequence[Solution]) -> HandFactor:
+def _told(problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequence[Solution]) -> Array:
     """As sure as movement makes it: noise makes up in the whole what it made up in each limb alone."""
     where = factor.layout
     made_up, before, variances = np.zeros((where.count, where.count)), np.zeros((where.count, where.count)), np.zeros(where.count)
     before[where.skin, where.skin] = np.diag(1 / hand_equations.skin(problem, at)[1] ** 2)
     arms = []
-    with side_by_side.threads() as each:
-        apparent = each(lambda one: covariance.apparent(one.problem, one.at, one.factor), alone)
-    for k, (limb, place, noisy, together) in enumerate(zip(problem.limbs, at.limbs, apparent, where.parameters)):
+    for k, (limb, place, one, together) in enumerate(zip(problem.limbs, at.limbs, alone, where.parameters)):
         cols = together[: columns(limb.chain).count]
         slopes = hand_equations.priors(limb, place, shares=k == 0)[1]
-        made_up[np.ix_(cols, cols)] += noisy
+        made_up[np.ix_(cols, cols)] += one.made_up
         before[np.ix_(cols, cols)] += slopes.T @ slopes
         variances[cols] = covariance.walked(limb)
         own = np.zeros((2 * len(place.far), where.count))
         own[:, cols] = covariance.arms(limb, place)
         arms.append(own)
     told = covariance.without_noise(factor.covariance, made_up, before, np.concatenate(arms))
-    return replace(factor, covariance=told + np.diag(variances))
+    return told + np.diag(variances)
 
 
 def _sloped(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:
@@ -73,9 +73,8 @@ def _sloped(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float
 
 def of_limbs(found: HandSolution) -> list[Solution]:
     """Each limb as it is in the whole; of its factor only the covariance, draws are those of the whole."""
-    none = np.empty((0, 0, 0))
     return [
-        Solution(at, limb, found.outcome, found.costs, Factor(none[None], none, found.factor.covariance[np.ix_(cols, cols)]))
+        Solution(at, limb, found.outcome, found.costs, normal_equations.remembered(found.factor.covariance[np.ix_(cols, cols)]))
         for at, limb, cols in zip(hand_problem.straightened(found.problem, found.at), found.problem.limbs, _own(found))
     ]
 
@@ -83,6 +82,11 @@ def of_limbs(found: HandSolution) -> list[Solution]:
 def _own(found: HandSolution) -> list[Indices]:
     """Where each limb's own columns stand in the whole's."""
     return [cols[: columns(limb.chain).count] for limb, cols in zip(found.problem.limbs, found.factor.layout.parameters)]
+
+
+def misfits(found: HandSolution) -> list[tuple[int, float]]:
+    """Of each limb the joint at which movement fits worst, and by how much it does not: beyond 1 by more than errors of single samples (`misfit.worst`)."""
+    return [misfit.worst(limb.chain, found.pulled[cols]) for limb, cols in zip(found.problem.limbs, _own(found))]
 
 
 def draws(found: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:

@@ -42,6 +42,11 @@ class Factor:
     covariance: Array  # (P, P)
 
 
+def remembered(covariance: Array) -> Factor:
+    """A factor of which only the covariance is kept: of a minute of one finger the rest is a hundred megabytes."""
+    return Factor(np.empty((0, SPAN, 0, 0)), np.empty((0, 0, len(covariance))), covariance)
+
+
 def empty(samples: int, each: int, parameters: int) -> Normal:
     """Nothing known yet of `samples` with `each` unknowns."""
     n, e, p = samples, each, parameters
@@ -109,6 +114,13 @@ def shaken(factor: Factor, numbers: Array) -> Array:
     x = numbers.copy()
     _backward(factor.L, x)
     return x
+
+
+def answered(factor: Factor, of_samples: Array) -> Array:
+    """B' A^-1 v (P,), of v (n, e): how gradients by samples' unknowns pull the parameters, but for their sign."""
+    y = of_samples.copy()
+    _forward(factor.L, y)
+    return np.asarray(factor.Y.reshape(-1, factor.Y.shape[2]).T @ y.ravel())
 
 
 def whitened(factor: Factor, B: Array) -> Array:

@@ -58,9 +58,9 @@ def turning(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     return Terms(
         start,
         2,
-        (r / sd).reshape(T, -1),
-        by.reshape(T, 3 * S, -1),
-        by_parameters.reshape(T, 3 * S, -1),
+        (r / sd).reshape(T, 3 * S),
+        by.reshape(T, 3 * S, 6 * S),
+        by_parameters.reshape(T, 3 * S, 12 * S + 1),
         _cols(c.bias_gyr, c.scale_gyr, c.delay),
     )
 
@@ -104,7 +104,7 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
                 by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
     L = whitening(problem, start, stop)
     r, grown = met(problem, at, start, stop), common_scale(at)
-    mixed = [(L @ x.reshape(T, J, -1)).reshape(T, 3 * J, -1) / grown for x in (by, by_parameters)]
+    mixed = [(L @ x.reshape(T, J, 3 * size)).reshape(T, 3 * J, size) / grown for x, size in ((by, 9 * S), (by_parameters, 15 * J + 12 * S))]
     mixed[1][..., 15 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     cols = _cols(c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc)
     return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
@@ -122,7 +122,7 @@ def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
             e[:, k] += sign * (over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force))
     white = whitening(problem, start, stop) @ e
-    return np.asarray(white.reshape(len(e), -1) / common_scale(at))
+    return np.asarray(white.reshape(len(e), 3 * len(chain.joints)) / common_scale(at))
 
 
 def over_three(weights: Array, v: Array) -> Array:
@@ -202,7 +202,7 @@ def staying(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     scaled = -r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     scaled[..., :9] += (R[..., None] * read[:, 0, None, None] / sd).reshape(-1, 3, 9)
     cols = np.concatenate([c.bias_acc.start + np.arange(3), np.arange(c.scale_acc.start, c.scale_acc.stop)])
-    return Terms(start, 1, r, by.reshape(stop - start, 3, -1), np.concatenate([-R / sd, scaled], axis=2), cols)
+    return Terms(start, 1, r, by.reshape(stop - start, 3, 3 * S), np.concatenate([-R / sd, scaled], axis=2), cols)
 
 
 def _true(at: Unknowns, read: Array) -> Array:

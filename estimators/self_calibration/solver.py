@@ -6,11 +6,12 @@ Source  Kortier, thesis (4.7), (4.19); damping: Nielsen 1999, IMM-REP-1999-05; o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
+from estimators.quaternions import Array
 from estimators.self_calibration import covariance, knocks, normal_equations, posterior, residuals
 from estimators.self_calibration.knocks import Jolt
 from estimators.self_calibration.normal_equations import Factor
@@ -44,6 +45,7 @@ class Solution:
     costs: tuple[float, ...]  # half the sum of squares at the start and after each step
     factor: Factor  # of the normal equations there
     jolts: tuple[Jolt, ...] = ()
+    made_up: Array = field(default_factory=lambda: np.empty((0, 0)))  # (P, P) information that noise makes up, covariance.apparent
 
 
 @dataclass(frozen=True)
@@ -150,9 +152,11 @@ def learnt(
             solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
         )
     off = posterior.strange(resized(base, found.problem.noise), found.at)
+    made_up = covariance.apparent(found.problem, found.at, found.factor)
     return replace(
         found,
-        factor=covariance.honest(found.problem, found.at, found.factor),
+        factor=covariance.honest(found.problem, found.at, found.factor, made_up),
+        made_up=made_up,
         jolts=knocks.jolts(strange, base, found.at, off),
     )
 
@@ -161,7 +165,8 @@ def _settled(found: Solution) -> Solution:
     """Converged also where the way leads on in directions that no movement tells: the next step is small against what is known of each parameter."""
     if found.outcome != "not converged":
         return found
-    sure = covariance.honest(found.problem, found.at, found.factor).covariance
+    made_up = covariance.apparent(found.problem, found.at, found.factor)
+    sure = covariance.honest(found.problem, found.at, found.factor, made_up).covariance
     step = normal_equations.step(built(found.problem, found.at)[0], found.factor).parameters
     return replace(found, outcome="converged" if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all() else found.outcome)
 

@@ -64,7 +64,8 @@ def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
 
 def _asked(part: Problem, start: Unknowns, limits: Limits) -> Solution:
     half = solver.solve(part, start, limits)
-    return replace(half, factor=covariance.honest(half.problem, half.at, half.factor))
+    made_up = covariance.apparent(half.problem, half.at, half.factor)
+    return replace(half, factor=covariance.honest(half.problem, half.at, half.factor, made_up))
 
 
 def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:

@@ -194,6 +194,17 @@ def told(asked: Asked, finger: Finger) -> list[str]:
     return said
 
 
+def not_assumed(finger: Finger, joint: int, misfit: float) -> list[str]:
+    """Where a finger moves otherwise than by what is assumed and by errors of single samples: `misfit` beyond 1, most at one of its joints."""
+    if misfit <= 1.0:
+        return []
+    links = finger.solution.problem.chain
+    return [
+        f"{finger.name}: its sensors do not move with its joints as is assumed, most at {links.joints[joint]} ({np.sqrt(misfit):.1f} times as far off as by chance):"
+        " skin comes late or a joint gives; lengths, places and biases are less sure than usual, of which their standard deviations have a part only; see that sensors sit tight and lie on bone"
+    ]
+
+
 def _reversed(finger: Finger) -> list[str]:
     """Sensors that sit the other way round than their nominal mounting, which an axis or a bone alone does not show."""
     problem, at, said = finger.solution.problem, finger.solution.at, []

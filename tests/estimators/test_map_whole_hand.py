@@ -37,7 +37,7 @@ class Case:
     made: Simulated
     geometry: HandGeometry  # true
     done: Processed
-    alone: Sequence[Solution]
+    alone: Sequence[Solution]  # as they came to their end
     together: HandSolution
 
 
@@ -54,18 +54,18 @@ def case() -> Case:
     """Solved once; what passes by the whole hand's solver is kept."""
     made, true = _recorded()
     with pytest.MonkeyPatch.context() as patch:
-        passed: list[Any] = []
-        patch.setattr(hand_solver, "solve", _kept(hand_solver.solve, passed))
+        alone: list[Any] = []
+        together: list[Any] = []
+        patch.setattr(solver, "learnt", _kept(solver.learnt, alone))
+        patch.setattr(hand_solver, "solve", _kept(hand_solver.solve, together))
         done = process(METHOD, METHOD.Params(), made)
-    ((alone, together),) = passed
-    return Case(made, true, done, alone, together)
+    return Case(made, true, done, alone, *together)
 
 
-def _kept(function: Callable[..., Any], passed: list[Any]) -> Callable[..., Any]:
-    def called(alone: Sequence[Solution], *others: Any) -> HandSolution:
-        found: HandSolution = function(alone, *others)
-        passed.append((alone, found))
-        return found
+def _kept(function: Callable[..., Any], found: list[Any]) -> Callable[..., Any]:
+    def called(*given: Any) -> Any:
+        found.append(function(*given))
+        return found[-1]
 
     return called
 
@@ -184,7 +184,8 @@ def test_where_the_whole_hand_does_not_come_to_an_end_fingers_are_as_they_were_f
     monkeypatch.setattr(hand_solver, "solve", lambda *others: replace(case.together, outcome="not converged"))
     done = process(METHOD, METHOD.Params(), case.made)
     assert any("hand and fingers as one problem did not come to an end" in said for said in done.warnings)
-    told = segments.of_solution(case.alone[0], "left", case.made.mounting)
+    index = next(s for s in case.alone if "index_proximal" in s.problem.chain.sensors)
+    told = segments.of_solution(index, "left", case.made.mounting)
     assert done.calibrations[0].lengths_sd["index_proximal"] == pytest.approx(told.lengths_sd["index_proximal"], rel=1e-9)
 
 
