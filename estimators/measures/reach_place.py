@@ -18,12 +18,14 @@ from scipy.spatial import ConvexHull, QhullError
 from estimators import quaternions as quat
 from estimators.measures.figure import TRUSTED, USABLE, Figure, Grade, Kind, kinds, worse
 from estimators.measures.signals import even
+from estimators.measures.smoothness import movement_units
 from estimators.measures.trunk_displacement import TrunkParams, displacement
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
+DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
 OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
 NO_MAGNET = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
 NO_HEIGHT = "the height of the trunk's sensor above the hips (trunk_height of the task) is not one between 0.1 and 0.7 m; give it in m"
@@ -37,6 +39,7 @@ KINDS = kinds(
     Kind("reach_hand_speed", "m/s", "mean of the hand's largest speed against the trunk", "ours"),
     Kind("reach_hand_sparc", "1", "mean spectral arc length of the hand's speed up to 10 Hz; nearer to zero is smoother", OF_PLACE),
     Kind("reach_hand_ldlj", "1", "mean log dimensionless jerk of the hand's speed; nearer to zero is smoother", OF_PLACE),
+    Kind("reach_hand_units", "1", "mean number of movement units: times that the hand's speed grows by more than 20 mm/s to a peak, 150 ms after the one before or later; 1 is smooth", DRINKING),
     Kind("reach_trunk_lean", "rad", "mean of how far the trunk's inclination leaves that at the beginning of a reach", LEVIN),
     Kind("reach_trunk_turn", "rad", "mean of how far the trunk turns about the vertical from the beginning of a reach", LEVIN),
     Kind("reach_trunk_forward", "m", "mean of how far leaning has carried the trunk's sensor forward where a reach ends; of a rigid trunk that leans about the hips", LEVIN),
@@ -44,7 +47,18 @@ KINDS = kinds(
     Kind("reach_volume", "m^3", "volume of the convex hull of the places through which the hand came in these reaches, against the trunk; not all that the arm could reach", "ours"),
     Kind("reach_signal", "dB", "median of the loudest magnetometer's reading over the earth's field; near 0 the magnet is hardly heard, or lies across the earth's field", "Kortier, thesis (5.23)"),
 )  # fmt: skip
-OF_EACH = ("distance", "way", "straightness", "hand_speed", "hand_sparc", "hand_ldlj", "trunk_lean", "trunk_turn", "trunk_forward")
+OF_EACH = (
+    "distance",
+    "way",
+    "straightness",
+    "hand_speed",
+    "hand_sparc",
+    "hand_ldlj",
+    "hand_units",
+    "trunk_lean",
+    "trunk_turn",
+    "trunk_forward",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +69,9 @@ class PlaceMeasure(TrunkParams):
     smoothed: float = option(
         6.0, "Hz", "what is faster in the hand's place is taken for noise", "ours: human reaches end at about 5 Hz", least=2.0
     )
+
+    unit_rise: float = option(0.02, "m/s", "growth of the hand's speed that makes a movement unit", DRINKING, least=0.001)
+    unit_apart: float = option(0.15, "s", "least time between the peaks of two movement units", DRINKING)
 
 
 @dataclass(frozen=True)
@@ -192,6 +209,7 @@ def _way(
         "hand_speed": told["peak_speed"],
         "hand_sparc": told["sparc"],
         "hand_ldlj": told["ldlj"],
+        "hand_units": float(movement_units(speed[first : last + 1], 1.0 / axes[0].period, params.unit_rise, params.unit_apart)),
         "trunk_lean": lean,
         "trunk_turn": turn,
         "trunk_forward": float(carried.forward[-1]),

@@ -1,15 +1,17 @@
-"""How smooth a movement is, from its speed: spectral arc length and (log) dimensionless jerk.
+"""How smooth a movement is, from its speed: spectral arc length, (log) dimensionless jerk, movement units.
 
 In      a speed profile (n,) of one discrete movement, in any unit, and its sampling rate in Hz
-Out     numbers without a unit; nearer to zero is smoother
+Out     numbers without a unit; nearer to zero is smoother, of movement units one is
 Source  Balasubramanian's published code (siva82kb/SPARC, scripts/smoothness.py @3650934), whose test vectors it gives to the last digit:
         t = -1 .. 1 s in steps of 0.01 (1 left out), v = exp(-5 t^2): SPARC -1.41403, DLJ -335.74684, LDLJ -5.81636
+        movement units: drinking task, Alt Murphy et al.; JNER 2021, 10.1186/s12984-021-00895-3, Table 2
 Limits  SPARC is for discrete movements; its highest frequency is 10 Hz in the author's Python and 20 Hz in his Matlab: print it with the number
 """
 
 from typing import Literal
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from estimators.errors import InputError
 from estimators.quaternions import Array
@@ -51,6 +53,17 @@ def log_dimensionless_jerk(movement: Array, rate: float, kind: Literal["speed", 
     """-ln of the size of the dimensionless jerk."""
     size = abs(dimensionless_jerk(movement, rate, kind))
     return -float(np.log(size)) if size > 0 else float("nan")
+
+
+def movement_units(speed: Array, rate: float, rise: float, apart: float) -> int:
+    """How often a speed grows by more than `rise` (its unit) to a peak that comes at least `apart` s after the one before."""
+    v = _checked(speed, rate)
+    counted: list[int] = []
+    for peak in find_peaks(v)[0].tolist():
+        since = counted[-1] if counted else 0
+        if v[peak] - v[since:peak].min() > rise and (not counted or peak - since >= apart * rate):
+            counted.append(peak)
+    return len(counted)
 
 
 def _checked(movement: Array, rate: float) -> Array:

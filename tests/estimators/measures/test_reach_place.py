@@ -50,6 +50,7 @@ def test_two_straight_reaches_forward_have_their_length_and_the_lean_of_the_trun
     assert f["reach_straightness"].value == pytest.approx(1.0, abs=0.002)
     assert f["reach_hand_speed"].value == pytest.approx(15 / 8 * 0.3, rel=0.02)
     assert f["reach_hand_sparc"].value == pytest.approx(-1.4, abs=0.05)
+    assert f["reach_hand_units"].value == 1.0
     assert np.degrees(f["reach_trunk_lean"].value) == pytest.approx(12.0, abs=0.2)
     assert np.degrees(f["reach_trunk_turn"].value) < 0.1
     assert f["reach_farthest"].value == pytest.approx(0.5, abs=1e-6)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import InputError
-from estimators.measures.smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
+from estimators.measures.smoothness import dimensionless_jerk, log_dimensionless_jerk, movement_units, sparc
 
 SPEED = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
 
@@ -65,3 +65,17 @@ def test_what_is_no_movement_is_refused_in_words(speed: list[float], rate: float
 def test_a_hand_that_rests_has_no_smoothness() -> None:
     assert np.isnan(sparc(np.zeros(100), 100.0))
     assert np.isnan(log_dimensionless_jerk(np.zeros(100), 100.0))
+
+
+def test_movement_units_are_peaks_that_rise_far_enough_and_late_enough() -> None:
+    """At 100 Hz a bell of 300 mm/s and, on its way down, another: by 40 mm/s, by 15, and 100 ms after the first."""
+    t = np.arange(0, 1.5, 0.01)
+
+    def bell(at: float, height: float, width: float) -> np.ndarray:
+        return np.asarray(height * np.exp(-(((t - at) / width) ** 2)))
+
+    assert movement_units(bell(0.5, 0.3, 0.2), 100.0, 0.02, 0.15) == 1
+    assert movement_units(bell(0.5, 0.3, 0.15) + bell(1.1, 0.04, 0.08), 100.0, 0.02, 0.15) == 2
+    assert movement_units(bell(0.5, 0.3, 0.15) + bell(1.1, 0.015, 0.08), 100.0, 0.02, 0.15) == 1
+    near = bell(0.5, 0.3, 0.04) + bell(0.6, 0.3, 0.04)
+    assert movement_units(near, 100.0, 0.02, 0.15) == 1 < movement_units(near, 100.0, 0.02, 0.05)
