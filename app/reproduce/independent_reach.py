@@ -5,12 +5,14 @@ Way     a plate is turned, the recording of it opened and its magnetometers cali
 Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
 """
 
+import itertools
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import find_objects, label
 from scipy.spatial.transform import Rotation
 
 from app.reproduce import Wanted
@@ -20,11 +22,13 @@ from app.reproduce.outside.motion_files import axes, write_system
 from app.reproduce.outside.reaching import Motion, Room, Worn
 from estimators import hand_place, magnetometer_plate
 from estimators.hand_place import PlaceParams
+from estimators.measures import reach
+from estimators.measures.asked import Asked, Mark
 from estimators.methods import METHODS
 from estimators.processing import process
 from estimators.quaternions import Array
 from estimators.samples import MAG
-from estimators.trajectory import PlaceFlag
+from estimators.trajectory import PlaceFlag, Trajectory
 from sessions import formats
 from sessions.recording import LoadedRecording
 
@@ -45,8 +49,17 @@ FIGURES = {
     "told": ("Time for which the place is told without a flag, %", 1),
     "doubtful": ("Time marked doubtful, %", 1),
     "unsaid": ("Time at which the place is told without a flag and wrong by more than 3 cm and three standard deviations, %", 2),
+    "reach_straightness": ("Way of a reach over its straight distance: as told less as it was", 3),
+    "reach_hand_speed": ("Peak speed of the hand in a reach: as told less as it was, mm/s", 1),
+    "reach_hand_sparc": ("SPARC of the hand's way: as told less as it was", 3),
+    "reach_hand_ldlj": ("LDLJ of the hand's way: as told less as it was", 3),
+    "reach_hand_units": ("Movement units of the hand's way: as told less as they were", 3),
     "back": ("Place from 2 s after ten seconds out of reach, whether marked or not, RMS, mm", 1),
 }
+MEASURED = {"reach_straightness": 1.0, "reach_hand_speed": MM, "reach_hand_sparc": 1.0, "reach_hand_ldlj": 1.0, "reach_hand_units": 1.0}
+REACHED = ("reaches", "reaches, trunk leans")  # movements with rests between reaches
+RESTS = 0.03  # share of the hand's largest speed below which it rests between two reaches
+SHORTEST = 0.8  # s from one rest to the next
 LIMITS = {"position": (15.0, "mm"), "relative": (2.0, "deg"), "trunk": (6.0, "deg")}
 
 
@@ -83,7 +96,8 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     after = track.t > FIRST
     t, q_bt, q_bt_sd, q_gb, q_gb_sd = (getattr(track, f)[after] for f in ("t", "q_bt", "q_bt_sd", "q_gb", "q_gb_sd"))
     (p_b, p_t), (R_b, _) = motion.at(moved.t)
-    off = moved.place - (Q_BS * R_b.inv()).apply(p_t - p_b)
+    true = (Q_BS * R_b.inv()).apply(p_t - p_b)
+    off = moved.place - true
     wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)
     late, told = moved.t > FIRST, moved.place_flags == 0
     both = late & told
@@ -97,8 +111,23 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         "trunk": DEG * _rms(np.linalg.norm(trunk, axis=1)),
         "relative nes": float(((relative / q_bt_sd) ** 2).mean()),
         "trunk nes": float(((trunk / q_gb_sd) ** 2).mean()),
+        **(_measured(moved, true) if trial.movement in REACHED and both.any() else {}),
         **({"back": _rms(wrong[moved.t > world.BACK + WITHIN])} if "out of reach" in trial.movement else {}),
     }
+
+
+def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
+    """What a report says of the reaches from rest to rest against what it would say if it knew the way (n, 3) m."""
+    speed = np.linalg.norm(np.gradient(true, moved.t, axis=0), axis=1)
+    rests = find_objects(label((speed < RESTS * speed.max()) & (moved.t > FIRST))[0])
+    middles = [float(moved.t[rest].mean()) for (rest,) in rests]
+    marks = tuple(Mark(a, b, "reach", k) for k, (a, b) in enumerate(itertools.pairwise(middles)) if b - a > SHORTEST)
+    known = np.zeros(len(moved), np.uint8)
+    means = []
+    for way in (replace(moved, place_flags=known), replace(moved, place=true, place_flags=known)):
+        found = reach.figures(reach.measure(reach.Params(), way, FIRST, float(way.t[-1]), None, Asked("reach", {}, marks)))
+        means.append({f.what: f.value for f in found})
+    return {name: unit * (means[0][name] - means[1][name]) for name, unit in MEASURED.items()}
 
 
 def _turned(t: Array, q_bt: Array, q_gb: Array, motion: Motion, room: Room) -> tuple[Array, Array]:
