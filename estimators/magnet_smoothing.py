@@ -39,7 +39,7 @@ from estimators.magnet_filter import (
 )
 from estimators.magnet_options import MagnetParams
 from estimators.magnet_trace import Trace, beside, traced
-from estimators.magnet_tracking import Readings, State, Track, joined, part, step
+from estimators.magnet_tracking import Readings, State, Track, as_told, joined, part, step
 from estimators.quaternions import Array
 from estimators.small_matrices import put, spread
 
@@ -48,7 +48,7 @@ ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
 
 def smoothed(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
     """A whole recording: as `magnet_tracking.step`, and then back from what came later. Errors as there."""
-    size = XM + 6 + 2 * state.setup.array.places.size + 1
+    size = XM + len(as_told(state.setup))
     behind: tuple[Track, Trace] | None = None
     done: list[Track] = []
     for first in range(0, max(len(readings.t), 1), ROWS):

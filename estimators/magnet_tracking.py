@@ -277,7 +277,7 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
         turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
     q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
     p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), _as_told(setup)])
+    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), as_told(setup)])
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     lost = setup.q_bt is None and near is None
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
@@ -293,7 +293,7 @@ def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b:
     return x, P
 
 
-def _as_told(setup: Setup) -> Array:
+def as_told(setup: Setup) -> Array:
     """The state's rows from XM on before anything is read: moment, its place, what calibrations left, the magnetometers' places."""
     return np.concatenate([setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel(), [0.0]])
 
@@ -343,7 +343,7 @@ def _told(
 ) -> Track:
     field = x[:, XB : XB + 3]
     sure = _sure(params, setup)
-    moved = np.abs(x[:, XM:] - _as_told(setup)) / sure
+    moved = np.abs(x[:, XM:] - as_told(setup)) / sure
     chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
     strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
     sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
