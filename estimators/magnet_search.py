@@ -11,13 +11,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_length, magnet_localisation, magnet_second, magnet_uneven
+from estimators import magnet_alike, magnet_localisation, magnet_second, magnet_uneven
 from estimators import quaternions as quat
+from estimators.magnet_alike import Alike
 from estimators.magnet_fit import SLOPES, Told, by_places
 from estimators.magnet_localisation import Located
 from estimators.magnet_setup import Constellation
 from estimators.quaternions import Array
 
+FEWEST, TAUGHT, TAKEN = 10, 200, 256  # readings that tell what errs alike, at least and at most; from which it is taken off at once
 SAMPLED, SPARE = 60, 9  # readings and axes above the unknowns of which the noise is asked
 LESS = 0.5  # of the noise that differences tell: so much less that they tell of movement
 CLOSE, MANY = 0.5, 0.3  # s, share of the readings that close by: what disturbs those draws these
@@ -75,13 +77,14 @@ class Searched:
     located: Located
     strange: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
     two: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+    alike: Alike | None = None  # what errs alike in all readings, where it was taken off
 
 
 def searched(search: Search, size: float | None, size_sd: float, least: float) -> Searched:
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
     search = _quieter(search, size, size_sd, least)
     search, located = _with_slopes(search, search.located(size, size_sd), size, size_sd)
-    located = _left_counted(search, _length_counted(search, located, size, size_sd), size)
+    located = _left_counted(search, located, size)
     looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
     too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1), search.uneven)
     better = chance < CHANCE
@@ -90,7 +93,9 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     seldom[looked] = located.misfit[looked]
     chaos = _around(search.t, seldom, np.isfinite(seldom) & (too_much | better), WIDE, MOST)
     strange |= chaos & ~two
-    return Searched(search, replace(located, found=located.found & ~strange & ~two), strange, two)
+    explained_well = np.isfinite(located.misfit) & ~too_much & ~strange & ~two
+    located, alike = _taken_off(search, replace(located, found=located.found & ~strange & ~two), explained_well, size, size_sd)
+    return Searched(search, located, strange, two, alike)
 
 
 def worst_misfit(many: int | NDArray[np.intp], uneven: float = 0.0) -> Array:
@@ -140,23 +145,6 @@ def _with_slopes(search: Search, located: Located, size: float | None, size_sd: 
     return (search, located) if len(known) and np.median(known) < magnet_uneven.CHANCE else (allowed, places)
 
 
-def _length_counted(search: Search, located: Located, size: float | None, size_sd: float) -> Located:
-    """Places surely no better known than they are drawn by a length of the magnet that the readings show."""
-    rows, chips = _alike(search, located)
-    if not len(rows):
-        return located
-    here = search.by(chips)
-    length = magnet_length.shown(*explained(here, located, size, size_sd, rows[:: -(-len(rows) // SAMPLED)]))
-    if length == 0.0:
-        return located
-    place_sd, moment_sd = located.place_sd.copy(), located.moment_sd.copy()
-    for part in np.array_split(rows, -(-len(rows) // magnet_localisation.PIECE)):
-        by_length = magnet_length.drawn(*explained(here, located, size, size_sd, part), length)
-        place_sd[part] = np.hypot(place_sd[part], by_length[:, :3])
-        moment_sd[part] = np.hypot(moment_sd[part], by_length[:, 3:])
-    return _less_sure(search, located, place_sd, moment_sd)
-
-
 def _left_counted(search: Search, located: Located, size: float | None) -> Located:
     """Places no surer than what all that were found leave says: calibrations that have changed and magnetometers that sit elsewhere are in all readings alike."""
     axes = 3.0 * np.isfinite(search.mag).all(axis=2).sum(axis=1)[located.found]
@@ -166,6 +154,30 @@ def _left_counted(search: Search, located: Located, size: float | None) -> Locat
     left = float(np.sqrt((located.misfit[located.found] ** 2 * axes).sum() / spare.sum()))
     grown = np.maximum(1.0, left / np.maximum(1.0, located.misfit))[:, None]  # a reading that leaves more has that in its own
     return _less_sure(search, located, grown * located.place_sd, grown * located.moment_sd)
+
+
+def _taken_off(
+    search: Search, located: Located, known: NDArray[np.bool_], size: float | None, size_sd: float
+) -> tuple[Located, Alike | None]:
+    """Places of the readings that are known without what errs alike in all of them, as far as they tell it, and as sure as that leaves them."""
+    rows, taught = max(((rows[known[rows]], chips) for rows, chips in search.answering()), key=lambda alike: len(alike[0]))
+    if 3 * len(taught) + (size is not None) <= UNKNOWNS or len(rows) < FEWEST:
+        return located, None
+    alike = magnet_alike.learnt(*explained(search.by(taught), located, size, size_sd, rows[:: -(-len(rows) // TAUGHT)]))
+    if alike.chance > CHANCE:
+        return located, None
+    x = np.concatenate([located.place, located.moment, located.field], axis=1)
+    sd = np.concatenate([located.place_sd, located.moment_sd], axis=1)
+    for among, chips in search.answering():
+        rows = among[known[among] & np.isin(chips, taught).all()]
+        for part in np.array_split(rows, -(-len(rows) // TAKEN)) if len(rows) else ():
+            told, found = explained(search.by(chips), located, size, size_sd, part)
+            off, variance = magnet_alike.drawn(told, found, alike, np.searchsorted(taught, chips), len(taught))
+            near = np.linalg.norm(found[:, None, :3] - told.places, axis=-1).min(axis=1)
+            bent = (off[:, :3] ** 2).sum(axis=1) / near  # what was taken off to first order
+            x[part], sd[part] = found - off, np.sqrt(variance[:, :6] + np.outer(bent**2, np.repeat([1.0, 0.0], 3)))
+    without = replace(located, place=x[:, :3], moment=x[:, 3:6], field=x[:, 6:])
+    return _less_sure(search, without, sd[:, :3], sd[:, 3:]), alike
 
 
 def _less_sure(search: Search, located: Located, place_sd: Array, moment_sd: Array) -> Located:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from app.commands.words import say
-from estimators import magnet_array, magnet_search, magnet_setup, magnet_uneven
+from estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, magnet_uneven
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.magnet_array import Turned
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
     )
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
-    for sentence in [*told, *_uneven(answer, slopes), *_strange(array, mag, located), *doubted]:
+    for sentence in [*told, *_uneven(answer, slopes), *_alike(answer), *_strange(array, mag, located), *doubted]:
         say(f"warning: {sentence}")
     for sentence in [*_answer(read, answer, located, guessed), *_few(answer, located, array.moment, size_sd)]:
         say(sentence)
@@ -151,10 +151,28 @@ def _uneven(searched: Searched, told: float) -> list[str]:
     ]
 
 
+def _alike(searched: Searched) -> list[str]:
+    """A sentence where all readings together told what errs in each of them, and that was taken off."""
+    if (alike := searched.alike) is None:
+        return []
+    sizes = dict(zip((kind.name for kind in magnet_alike.KINDS), (float(size) for size in alike.sizes)))
+    looks = {
+        "offset": f"offsets of {1e6 * sizes['offset']:.2g} uT",
+        "gain": f"gains and axes that are off by {100 * sizes['gain']:.2g} %",
+        "place": f"magnetometers that sit {1e3 * sizes['place']:.2g} mm from where they are told",
+        "length": f"a magnet as long as a rod of {200 * np.sqrt(6 * sizes['length']):.2g} cm",
+        "slope": f"a field that changes by {1e6 * magnet_uneven.change_of(sizes['slope']):.2g} uT a metre",
+        "moment": "a moment that is not as told",
+    }
+    return [
+        f"what errs alike in all readings was told by all of them together and taken off the places; most of it looks like {looks[alike.most.name]}"
+    ]
+
+
 def _few(searched: Searched, located: Located, moment: float | None, size_sd: float) -> list[str]:
     """What magnetometers that are too few to see it do not tell."""
     rows = np.flatnonzero(located.found & np.isfinite(searched.search.mag).all(axis=(1, 2)))
-    if len(searched.search.array) >= magnet_uneven.FEWEST or searched.search.uneven or not len(rows):
+    if len(searched.search.array) >= magnet_uneven.FEWEST or searched.search.uneven or searched.alike or not len(rows):
         return []
     told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows[:: -(-len(rows) // TRIED)])
     off = 1e3 * float(np.median(magnet_uneven.misplaced(told, x, UNSEEN)))
