@@ -41,6 +41,7 @@ class Sizes(NamedTuple):
     alike: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
     acc_walk: float  # m/s^2/sqrt(s)
+    acc_turned: float  # m/s^2/sqrt(rad), what scales and axes make of gravity as it turns through them
     field_walk: float  # T/sqrt(s)
     field_across: float  # T
     gravity: float
@@ -290,8 +291,8 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
         P[B_ + i, B_ + i] += s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * spread_field**2
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
-        P[BTA + i, BTA + i] += s.acc_walk**2 * dt
-        P[BBA + i, BBA + i] += s.acc_walk**2 * dt
+        P[BTA + i, BTA + i] += (s.acc_walk**2 + s.acc_turned**2 * w_t) * dt
+        P[BBA + i, BBA + i] += (s.acc_walk**2 + s.acc_turned**2 * w_b) * dt
 
 
 @inlined

@@ -12,6 +12,7 @@ from estimators.magnet_filter import Sizes
 from estimators.options import option
 
 DEG = np.pi / 180
+TURNED = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis
 MOVING_ALIKE = 0.5  # s over which the error of a moving gyroscope stays alike
 SIZES = "BROAD, measured: decision 0011"
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
@@ -143,6 +144,7 @@ def sizes(p: MagnetParams) -> Sizes:
         alike=p.alike,
         gyr_walk=p.gyr_bias_walk,
         acc_walk=p.acc_bias_walk,
+        acc_turned=p.acc_share * GRAVITY * np.sqrt(TURNED),
         field_walk=1e-6 * p.field_walk,
         field_across=1e-6 * p.field_across,
         gravity=GRAVITY,
