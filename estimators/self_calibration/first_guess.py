@@ -25,7 +25,7 @@ def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> 
     q_GS, bias = fused(readings)
     far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
-        heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
+        _, heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
         q_GS[:, j] = quat.headed(q_GS[:, j], heading)
     pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
     axes = np.array(pairs).reshape(-1, 2, 3)
@@ -57,8 +57,8 @@ def fused(readings: Readings) -> tuple[Array, Array]:
     return q_GS, bias
 
 
-def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array) -> tuple[float, Array, Array]:
-    """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both."""
+def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array) -> tuple[float, float, Array, Array]:
+    """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both; before them, how far it does not (squares added)."""
     (A_i, f_i), (A_j, f_j) = (_swung(readings, q_GS[:, s], s) for s in (i, j))
     M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))  # (n-2, 3, 4): by the arm, and without it
     own = [np.einsum("tia,tib->ab", M, M) for M in (M_i, M_j)]
@@ -77,7 +77,7 @@ def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: 
         off = 1 - (alike[0] + np.cos(heading) * alike[1] + np.sin(heading) * alike[2])
         apart = float(whole[np.ix_(rest, rest)].sum() + right @ found) * (1 + MOUNTED * off)
         best = min(best, (apart, float(heading), found), key=lambda b: b[0])
-    return best[1], best[2][:3], best[2][3:]
+    return best[0], best[1], best[2][:3], best[2][3:]
 
 
 def common_axis(q_Gi: Array, q_Gj: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from estimators import joint_angles
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.hand_anatomy import CHAINS, JOINT, JOINTS, LIMITS
-from estimators.self_calibration import findings, residuals, steadiness
+from estimators.self_calibration import findings, order, residuals, steadiness
 from estimators.self_calibration.findings import Asked, Finger
 from estimators.self_calibration.problem import LIMBS, Problem, Readings
 from estimators.self_calibration.recordings import DOUBTFUL, LONGEST_GAP, Hole
@@ -107,6 +107,7 @@ def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Soluti
     slipped = steadiness.slips(found, read)
     if slipped or found.outcome != "converged":
         _require_rates(finger, read, found)
+        _require_order(finger, read, found.problem)
     if slipped:
         first = slipped[0]
         raise InputError(
@@ -159,6 +160,21 @@ def _require_rates(finger: str, read: Readings, found: Solution) -> None:
         raise InputError(
             f"{finger}: the gyroscope of {found.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
             " set a larger range, or move more slowly, and record again; it is not calibrated"
+        )
+
+
+def _require_order(finger: str, read: Readings, problem: Problem) -> None:
+    """InputError where the reason is that sensors sit in another order than they are named in."""
+    names = problem.chain.sensors
+    sitting = order.exchanged(problem.chain, problem.noise, read, problem.flexing)
+    elsewhere = [name for name, there in zip(names, sitting) if name != there]
+    if len(elsewhere) == 2:
+        raise InputError(
+            f"{finger}: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged, their joints move together only the other way round; put each where it belongs and record again; it is not calibrated"
+        )
+    if elsewhere:
+        raise InputError(
+            f"{finger}: its sensors seem to sit in another order, from the hand on those of {', '.join(sitting)}, for only so their joints move together; put each where it belongs and record again; it is not calibrated"
         )
 
 
