@@ -6,6 +6,7 @@ import pytest
 from estimators import magnet_filter as mf
 from estimators import quaternions as quat
 from estimators.compiled import looped
+from estimators.gravity import GRAVITY
 from estimators.magnet_inertial import pushed_alike, vertical
 from estimators.magnet_lateness import FB, LEARNT, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
 from estimators.magnet_options import MagnetParams, sizes
@@ -152,7 +153,7 @@ def _carried(x: Array, f_b: Array) -> Array:
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
     """Against F P F' + Q of all 49 errors at once, without the noise of trunk and hand."""
-    still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0)
+    still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0, acc_turned=0.0)
     A = RNG.normal(size=(49, 49))
     P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
     kept = np.ones(49)
@@ -163,6 +164,13 @@ def test_the_covariance_is_carried_as_one_matrix() -> None:
     expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
     _widened(still, P, F, 1 / 60, 60 * turned, 2.0)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_a_turn_in_one_go_makes_of_gravity_what_scales_and_axes_do() -> None:
+    """Half a radian moves half of gravity along the axes: 0.3 % of that."""
+    P = np.zeros((49, 49))
+    _widened(SIZES._replace(acc_walk=0.0), P, np.eye(30), 1.0, 0.5, 0.0)
+    assert np.sqrt(P[mf.BBA, mf.BBA]) == pytest.approx(MagnetParams().acc_share * GRAVITY * 0.5, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", sim.CONDITIONS)
