@@ -110,7 +110,8 @@ def _added(told: Told, x: Array, rows: int) -> Array:
     n, many = told.y.shape[:2]
     r, m, own = x[:, None, :3] - told.places, x[:, None, 3:OF_ONE], np.eye(many)[:, None, :, None]
     offsets = np.broadcast_to(own * np.eye(3)[:, None, :], (n, many, 3, many, 3))
-    gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), told.y)
+    there = x[:, None, OF_ONE:] + dipole.field(r, m)  # not as read: a gain of nothing would explain what is left of it
+    gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), there)
     places = own * -dipole.by_place(r, m)[:, :, :, None]
     slopes = np.broadcast_to(linear(told.places), (n, many, 3, SLOPES))
     noise = (told.noise * told.louder)[:, :, None, None]

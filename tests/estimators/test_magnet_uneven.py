@@ -64,6 +64,9 @@ def test_what_errs_alike_in_all_readings_is_told_by_them_and_taken_off(
     assert ok.mean() > 0.5
     assert ((off / found.located.place_sd)[ok] ** 2).mean() < 1.5
     assert np.median(np.linalg.norm(off[ok], axis=1)) < 2.5e-3
+    assert np.median(np.linalg.norm(found.located.moment[ok], axis=1)) == pytest.approx(0.4, rel=0.05), (
+        "no gain of everything explains what noise leaves"
+    )
 
 
 def test_slopes_have_neither_curl_nor_divergence_and_are_alike() -> None:
