@@ -57,6 +57,18 @@ def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
     assert 0.2 < np.mean(of_forces) < 1.5
 
 
+def without_forces(moved: Trajectory) -> Trajectory:
+    """As it is before forces are attached."""
+    return replace(moved, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+
+
+@cache
+def usual() -> tuple[Simulated, Processed]:
+    """0.44 kg."""
+    made, _ = done(0, mass=0.44)
+    return made, followed(made)
+
+
 @cache
 def heavy() -> tuple[Simulated, Array]:
     """0.44 kg off the table from 0.8 s of the task on, for five seconds; the force sensors have six axes."""
@@ -153,7 +165,7 @@ def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_a
 
 def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
     (made, _), good = heavy(), heavy_moved().trajectory
-    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    bare = without_forces(good)
     force, others = made.samples["force"], [b for n, b in made.samples.items() if n != "force"]
     sds = []
     for share in (0.005, 0.1):
@@ -187,7 +199,7 @@ def test_clipped_torques_are_not_told_and_tell_no_work(told: bool) -> None:
     assert np.abs(force.values[..., 3:]).max() > 1.5 * limit
     block = Block(replace(force.stream, full_scale={TORQUE: limit} if told else {}), force.t, values)
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
-    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    bare = without_forces(good)
     moved, _ = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
     assert moved.torques is not None and moved.torques_sd is not None
     clipped = np.linalg.norm(good.torques, axis=2) > 9.5e-3  # Nm: the other axes of the thumb's reach 6
@@ -213,7 +225,7 @@ def test_torques_that_cannot_be_used_are_not_told_and_leave_the_forces_as_they_a
     values = change(force.values)
     quantities = (FORCE, TORQUE)[-values.shape[2] // 3 :]
     block = Block(replace(force.stream, quantities=quantities, full_scale={}), force.t, values)
-    bare = replace(good, forces=None, forces_sd=None, force_flags=None, lifting=None, torques=None, torques_sd=None)
+    bare = without_forces(good)
     blocks = [block, *(b for n, b in made.samples.items() if n != "force")]
     moved, words = fingertip_forces.attached(ForceParams(), bare, blocks, {}, heavy_moved().calibrations)
     assert (moved.torques is not None) == left
@@ -295,15 +307,22 @@ def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_th
     ],
 )
 def test_what_went_wrong_is_told_and_gives_no_mass(what: str, said: str) -> None:
-    limit = ForceErrors(limit=3.0) if what.startswith("limit") else None
-    made, _ = done(0, mass=0.44, errors=limit, mishap=Mishap(third=0.33 if what == "third finger" else 0.0))
     changes: dict[str, Change] = {
         "step": lambda t, v: np.where((t > 4)[:, None, None] & (np.arange(2) == 0)[:, None], v + 0.8, v),
         "lost": lambda t, v: np.where(((t > 3.5) & (t < 5))[:, None, None], np.nan, v),
         "dead": lambda t, v: np.where((np.arange(2) == 1)[:, None], v[:1], v),
         "exchanged": lambda t, v: v[:, ::-1],
     }
-    found = measured(changed(made, changes.get(what, lambda t, v: v), told=what != "limit not told"))
+    if what in changes:
+        good, followed_once = usual()
+        made = changed(good, changes[what])
+        bare, calibrations = without_forces(followed_once.trajectory), followed_once.calibrations
+        moved, _ = fingertip_forces.attached(ForceParams(), bare, list(made.blocks()), made.mounting, calibrations)
+        found = measured(made, moved)
+    else:
+        limit = ForceErrors(limit=3.0) if what.startswith("limit") else None
+        made, _ = done(0, mass=0.44, errors=limit, mishap=Mishap(third=0.33 if what == "third finger" else 0.0))
+        found = measured(changed(made, lambda t, v: v, told=what != "limit not told"))
     assert found.grade == "poor"
     assert said in found.reason
     assert [one for one in found.lifts if np.isfinite(one.mass)] == []
