@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from estimators.quaternions import Array
-from estimators.self_calibration import hand_equations, hand_problem, normal_equations, posterior, residuals
+from estimators.self_calibration import hand_equations, hand_problem, normal_equations, residuals
 from estimators.self_calibration.hand_equations import HandFactor, HandNormal
 from estimators.self_calibration.hand_problem import HandPlace, HandProblem
 from estimators.self_calibration.normal_equations import Factor
 from estimators.self_calibration.problem import Chain, Indices, Problem, Unknowns, columns
 from estimators.self_calibration.residuals import Terms
 
+TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
 GROUPS = 16  # whose pulls are in memory at once
 Placed = tuple[Terms, Indices, Indices]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
 
@@ -81,7 +82,7 @@ def _of_groups(
     shape: tuple[int, int, int], dt: float, terms: Callable[[int, int], Iterable[Placed]], answered: Callable[[Array], Array]
 ) -> Array:
     """Of n samples with so many unknowns, and P parameters; `answered` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
-    (n, e, P), each, found = shape, round(posterior.TOGETHER / dt), []
+    (n, e, P), each, found = shape, round(TOGETHER / dt), []
     for first in range(0, n, GROUPS * each):
         last = min(first + GROUPS * each, n)
         count = -(-(last - first) // each)

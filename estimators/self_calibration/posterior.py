@@ -22,7 +22,6 @@ from estimators.self_calibration.residuals import NUMEROV
 CHUNK = 1024  # samples whose derivatives are in memory at once
 LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
 LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
-TOGETHER = 0.5  # s: what skin is off by stays so for about 0.2 s, as long as a finger bends one way
 SETTLING = 50  # times that a spread is estimated anew
 
 
@@ -97,7 +96,7 @@ def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
         acc=max(
             noise.acc * met.meeting / float(np.linalg.norm(NUMEROV)), LEAST_ACC
         ),  # a mean of three samples hides noise of high frequency only
-        hinge=max(noise.hinge * met.hinging * lasting(problem, at), LEAST_HINGE),
+        hinge=max(noise.hinge * met.hinging, LEAST_HINGE),
         skin_turn=max(float(np.degrees(turn * quarter)), LEAST_TURN),
         skin_slide=max(1e3 * slide * quarter, LEAST_SLIDE),
         skin_law=most_likely_spread(at.law, factor.covariance[c.law, c.law], noise.skin_law, LEAST_LAW),
@@ -119,17 +118,6 @@ def most_likely_spread(found: Array, covariance: Array, believed: float, least: 
         sure = np.linalg.inv(told + np.eye(len(found)) / spread**2)
         spread = max(_spread(sure @ pull, np.diag(sure), spread), least)
     return spread
-
-
-def lasting(problem: Problem, at: Unknowns) -> float:
-    """By how much hinges are off more, in the mean of a group of samples, than if what they are off by were each sample's own: skin and soft joints stay where they are for a while."""
-    if not len(problem.chain.hinges):
-        return 1.0
-    each = round(TOGETHER / problem.dt)
-    n = len(problem) // each * each
-    r = np.concatenate([residuals.hinging(problem, at, start, min(start + CHUNK, n)).r for start in range(0, n, CHUNK)])
-    together = r.reshape(-1, each, r.shape[1]).sum(axis=1)
-    return max(1.0, float(np.sqrt((together**2).sum() / ((r**2).sum() + 1e-300))))
 
 
 def strange_turns(problem: Problem, at: Unknowns) -> Array:

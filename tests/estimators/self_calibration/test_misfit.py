@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.quaternions import Array
-from estimators.self_calibration import hand_equations, misfit, normal_equations, posterior, residuals, solver, steadiness, words
+from estimators.self_calibration import hand_equations, misfit, normal_equations, residuals, solver, steadiness, words
 from estimators.self_calibration.findings import Finger
 from estimators.self_calibration.problem import Unknowns
 from estimators.self_calibration.solver import Solution
@@ -15,7 +15,7 @@ from tests.estimators.self_calibration.test_hand_equations import _somewhere
 
 def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what was known before they are the gradient that leads to the step; three groups of two samples, two in memory at once."""
-    monkeypatch.setattr(posterior, "TOGETHER", 0.02)
+    monkeypatch.setattr(misfit, "TOGETHER", 0.02)
     monkeypatch.setattr(misfit, "GROUPS", 2)
     problem, at = _somewhere()
     normal = hand_equations.built(problem, at)
@@ -41,7 +41,7 @@ def test_a_limb_alone_is_pulled_as_the_whole_equations_say(solved: Solution) -> 
     np.testing.assert_allclose(
         -factor.covariance @ (pulls.sum(axis=0) + slopes.T @ r) / np.sqrt(np.diag(factor.covariance)), step, atol=1e-3
     )
-    assert len(pulls) == round(len(problem) * problem.dt / posterior.TOGETHER)
+    assert len(pulls) == round(len(problem) * problem.dt / misfit.TOGETHER)
 
 
 def test_an_error_that_lasts_is_no_noise(solved: Solution) -> None:
@@ -59,10 +59,6 @@ def test_the_covariance_grows_where_pulls_say_so_and_shrinks_nowhere() -> None:
     found = misfit.widened(told, pulls, np.eye(3))
     np.testing.assert_allclose(np.diag(found), [9.0, 4.0, 9.0], rtol=1e-12)
     assert np.linalg.eigvalsh(found - told).min() > -1e-12
-
-
-def test_what_hinges_are_off_by_counts_as_it_lasts(solved: Solution) -> None:
-    assert 1.0 <= posterior.lasting(solved.problem, solved.at) < np.sqrt(posterior.TOGETHER / solved.problem.dt) + 1e-9
 
 
 def test_it_is_said_of_the_joint_where_it_is_worst(solved: Solution) -> None:
