@@ -8,7 +8,8 @@ import numpy as np
 
 from estimators import magnet_setup, magnet_smoothing, magnet_tracking, methods, zero_velocity
 from estimators.magnet_options import MagnetParams
-from estimators.magnet_tracking import Readings, Setup
+from estimators.magnet_start import Setup
+from estimators.magnet_tracking import Readings
 from estimators.processing import process
 from estimators.simulation import artificial_finger, magnet
 from estimators.simulation.magnetic_field import EARTH, homogeneous

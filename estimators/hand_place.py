@@ -18,8 +18,9 @@ from estimators.errors import InputError
 from estimators.gravity import GRAVITY
 from estimators.magnet_options import MagnetParams
 from estimators.magnet_plate import Plate
+from estimators.magnet_start import Setup
 from estimators.magnet_streams import HAND, Waiting
-from estimators.magnet_tracking import Setup, Track
+from estimators.magnet_tracking import Track
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream

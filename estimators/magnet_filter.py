@@ -1,8 +1,9 @@
 """The arithmetic of magnet_tracking.py for one sample after the other, compiled: state and errors, time update, one scalar measurement.
 
-State   x (39 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, v_b, then what was told before and is not exact: the
-        magnet's moment and place on the target, what each calibration left (b, T), the magnetometers' places, how late their readings are (s);
-        P (37 + 6 L, 37 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dv_b, dm, dp_tm, dc_1.., dp_b1.., dtau],
+State   x (45 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba, v_b, then what was told before and is not exact: the
+        magnet's moment and place on the target, the slopes of the room's field (g, T/m, five) and of one that calibrations took it for (b), what each
+        calibration left besides (b, T), the magnetometers' places, how late their readings are (s);
+        P (43 + 6 L, 43 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb, db_bg, db_ba, dv_b, dm, dp_tm, dS, dc_1.., dp_b1.., dtau],
         R = R^ (1 + [dth]x); v_b is the trunk's velocity against the ground in its own axes
 Source  Kortier, thesis ch. 5, (5.2)-(5.22); what magnetometers tell: magnet_reading.py
 Leaves  (5.22) moves p and v of the trunk's frame as if the trunk did not turn; ours v is the difference of the velocities against the ground, in the
@@ -22,9 +23,10 @@ from estimators.small_matrices import block, product, put, spread
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
 OWN = 30  # errors of trunk and hand; behind them what does not move
-MOM, LEV, LEFT = 30, 33, 36  # moment, its place, calibrations; the magnetometers' places follow
+MOM, LEV, SLO, LEFT = 30, 33, 36, 42  # moment, its place, slopes, calibrations; the magnetometers' places follow
 XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = 6, 10, 13, 16, 19, 23, 26, 29  # rows of the state behind p and v
-XM = 32  # where the state's rows of MOM begin
+SEATED = 600.0  # s for which the slopes of the room's field stay alike: who sits hardly leaves their place
+XM, XS, XL = 32, 38, 44  # where the state's rows of MOM, of SLO and of LEFT begin
 
 
 class Sizes(NamedTuple):
@@ -37,6 +39,8 @@ class Sizes(NamedTuple):
     acc_moving_slow: float  # 1/sqrt(Hz), times the acceleration
     mag: float  # T
     mag_left: float  # T
+    slope: float  # T/m, of the room's field
+    single: float  # T, by which a single reading is off, all in it
     left_alike: float  # rad
     alike: float  # s
     gyr_walk: float  # rad/s/sqrt(s)
@@ -257,17 +261,17 @@ def widened(s: Sizes, P: Array, F: Array, dt: float, w_b: float, w_t: float, pus
     carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
     spread(F, P, carried)
     product(F, P[:OWN, OWN:], across)
-    kept = math.exp(-w_b * dt / s.left_alike)
+    kept, seated = math.exp(-w_b * dt / s.left_alike), math.exp(-dt / SEATED)
     first, last = LEFT - OWN, LEFT - OWN + (len(P) - LEFT - 1) // 2  # of the calibrations: they change as the trunk turns
     for j in range(len(P) - OWN):
-        share = kept if first <= j < last else 1.0
+        share = kept if first <= j < last else seated if SLO <= OWN + j < SLO + 5 else 1.0
         for i in range(OWN):
             P[i, OWN + j] = P[OWN + j, i] = share * across[i, j]
         if share < 1.0:
             for k in range(OWN, len(P)):
                 P[OWN + j, k] *= share
                 P[k, OWN + j] *= share
-            P[OWN + j, OWN + j] += (1.0 - share * share) * s.mag_left**2
+            P[OWN + j, OWN + j] += (1.0 - share * share) * (s.mag_left if first <= j < last else s.slope) ** 2
     put(carried, P[:OWN, :OWN])
     gyr_b, gyr_t = rough * (s.gyr**2 + (s.gyr_moving * w_b) ** 2), rough * (s.gyr**2 + (s.gyr_moving * w_t) ** 2)
     acc = 2 * (rough * s.acc * s.acc + s.acc_slow * s.acc_slow) + s.acc_moving_slow**2 * push  # of both accelerometers: half is the base's

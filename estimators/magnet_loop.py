@@ -16,13 +16,16 @@ from estimators.magnet_filter import (
     MOM,
     OWN,
     P_,
+    SEATED,
     TH,
     THG,
     V_,
     VB,
     XB,
+    XL,
     XM,
     XQ,
+    XS,
     Sizes,
     chained,
     corrected,
@@ -87,10 +90,10 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
 def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float, left: Array) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
     (2,): normalised innovation squared of all readings where it puts the hand, and whether it was sought elsewhere."""
-    lost = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
+    lost, disputed, less = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2, False, math.inf
     if lost:
         start, _, cost = sought(s, x, P, way, np.zeros(len(P)), mag, 1.0)
-        there, _, less = sought(s, x, P, way, searched(s, x, P, mag, centre), mag, 1.0)
+        there, less, disputed = best_of(s, x, P, way, searched(s, x, P, mag, centre), mag)
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
             forgotten(s, x, P, found[0:3], 0.0)
@@ -103,13 +106,32 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
             dx, C, cost = kept(s, x, P, way, mag, grown + bent)
     considered(way, P, dx, C)
     out: Array = moved(x, dx)
-    left[0] = cost
-    known = cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
-    if not known:
+    left[0] = min(cost, less)
+    known = not disputed and cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
+    if disputed and strength(out, distance(out)) > LOUD * s.single:  # it is heard, but where it is will show as it moves
+        out = x.copy()
+    elif not known:
         out = without(s, x, P, way, mag, dt)
     else:
         put(C, P)
     return out
+
+
+@inlined
+def best_of(s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array) -> tuple[Array, float, bool]:
+    """Of places that starts (n, errors) lead to the one that explains the readings best, what it leaves, and whether another does nearly as well."""
+    n = len(starts)
+    ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
+    for k in range(n):
+        ends[k], _, costs[k] = sought(s, x, P, way, starts[k], mag, 1.0)
+        if costs[k] < costs[best]:
+            best = k
+    for k in range(n):
+        apart = 0.0
+        for i in range(3):
+            apart += (ends[k, i] - ends[best, i]) ** 2
+        disputed = disputed or (apart > WIDE**2 and costs[k] < costs[best] + EVIDENCE)
+    return ends[best], costs[best], disputed
 
 
 @inlined
@@ -135,7 +157,7 @@ def told(s: Sizes, x: Array, P: Array, audible: float, straight: float) -> bool:
     block(1.0, R, 0, LEV, J)
     block(-1.0, chained(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
     spread(J, P, known)
-    return bool(known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2 and loud**2 > audible**2 * (s.mag**2 + s.mag_left**2))
+    return bool(known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2 and loud**2 > audible**2 * s.single**2)
 
 
 @inlined
@@ -143,7 +165,7 @@ def distance(x: Array) -> float:
     """From the hand's sensor to the nearest magnetometer, m."""
     nearest, many = math.inf, magnetometers(x)
     for k in range(many):
-        first, square = XM + 6 + 3 * (many + k), 0.0
+        first, square = XL + 3 * (many + k), 0.0
         for i in range(3):
             square += (x[i] - x[first + i]) ** 2
         nearest = min(nearest, square)
@@ -164,14 +186,13 @@ def without(s: Sizes, x: Array, P: Array, way: Array, mag: Array, dt: float) -> 
     missed, noise, dx, C = np.zeros(len(H)), np.zeros((len(H), len(H))), np.empty(len(P)), P.copy()
     for i in range(3):
         far[XM + i] = 0.0
-    single = s.mag**2 + s.mag_left**2
-    own = 4 * min(strength(x, distance(x)) ** 2, LOUD**2 * single) * max(1.0, LASTS / dt)  # louder, it would have been found
+    own = 4 * min(strength(x, distance(x)) ** 2, LOUD**2 * s.single**2) * max(1.0, LASTS / dt)  # louder, it would have been found
     for k in range(len(mag)):
         reads = read(far, way, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
         for i in range(3):
             row = 3 * k + i
-            noise[row, row], missed[row] = single + own, mag[k, i] - reads[i] if there else 0.0
+            noise[row, row], missed[row] = s.single**2 + own, mag[k, i] - reads[i] if there else 0.0
             for j in range(len(P)):
                 H[row, j] = h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
     if correct(C, missed, H, noise, dx) > GATE * len(H):
@@ -265,7 +286,9 @@ def followed(
             F[B_, B_] = math.exp(-w_b * dt / s.left_alike)  # g is turned so that the field has nothing across itself, on the whole
             x[XB] *= F[B_, B_]
             for i in range(3 * len(mags[n])):  # what calibrations left becomes another, and nothing is known of that
-                x[XM + 6 + i] *= F[B_, B_]
+                x[XL + i] *= F[B_, B_]
+            for i in range(5):
+                x[XS + i] *= math.exp(-dt / SEATED)
             widened(s, P, F, dt, w_b, w_t, pushed(s, x, now), max(s.field_across, roamed(mood, x, dt)), rough)
         if traced:
             foreseen(trace, n, x, P, F, own, lasting)

@@ -14,6 +14,11 @@ from estimators.options import option
 DEG = np.pi / 180
 TURNED = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis
 MOVING_ALIKE = 0.5  # s over which the error of a moving gyroscope stays alike
+OF_FIVE, CALIBRATED = (
+    9 / 5,
+    6 / 5,
+)  # variances of the slopes of a field without curl and divergence, and of its slope along itself, over that of a component
+SLOPES = 1.0 + CALIBRATED / 3  # variance of all of them an axis, the calibrations' on the mean over directions
 SIZES = "BROAD, measured: decision 0011"
 HMC5883L = "HMC5883L data sheet: 2 mG resolution; Kortier thesis 5.2.4"
 
@@ -40,7 +45,18 @@ class MagnetParams:
         least=1e-3,
     )
     mag_error: float = option(
-        0.2, "uT", "what the calibration of a magnetometer leaves", f"2.3 uT/m over the 8 cm from the middle of a plate: {SIZES}"
+        0.12,
+        "uT",
+        "what the calibration of a magnetometer leaves by itself",
+        "HMC5883L data sheet: linear to 0.1 % of 2 G, spread evenly",
+        least=1e-3,
+    )
+    field_slope: float = option(
+        2.3,
+        "uT/m",
+        "change of a component of the room's field, where the plate is worn and where it was calibrated",
+        SIZES,
+        least=1e-3,
     )
     magnet_error: float = option(0.015, "1", "error of the magnet's moment and of the dipole as a model", "ours: moment found before use")
     place_error: float = option(0.001, "m", "error of the magnetometers' places", "Kortier thesis 5.2.4: a ruler; size ours")
@@ -130,8 +146,8 @@ class MagnetParams:
     max_gap: float = option(0.25, "s", "a longer gap forgets place and velocity", "as the fusion's", most=1.0)
 
 
-def sizes(p: MagnetParams) -> Sizes:
-    """As the loop needs them."""
+def sizes(p: MagnetParams, span: float = 0.0) -> Sizes:
+    """As the loop needs them; `span` m is how far the magnetometers are from their middle."""
     return Sizes(
         gyr=p.gyr_noise * DEG,
         gyr_moving=p.gyr_share * np.sqrt(2 * MOVING_ALIKE),
@@ -140,6 +156,8 @@ def sizes(p: MagnetParams) -> Sizes:
         acc_moving_slow=p.acc_share * np.sqrt(2 * p.alike),
         mag=1e-6 * p.mag_noise,
         mag_left=1e-6 * p.mag_error,
+        slope=1e-6 * p.field_slope * float(np.sqrt(OF_FIVE)),
+        single=1e-6 * float(np.sqrt(p.mag_noise**2 + p.mag_error**2 + SLOPES * (p.field_slope * span) ** 2)),
         left_alike=p.left_alike,
         alike=p.alike,
         gyr_walk=p.gyr_bias_walk,

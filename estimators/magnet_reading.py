@@ -20,12 +20,15 @@ from estimators.magnet_filter import (
     MOM,
     OWN,
     P_,
+    SLO,
     TH,
     THG,
     XB,
     XGB,
+    XL,
     XM,
     XQ,
+    XS,
     Sizes,
     back,
     chained,
@@ -39,7 +42,7 @@ from estimators.magnet_lateness import WAY, by_now, earlier
 from estimators.quaternions import Array
 from estimators.small_matrices import block
 
-ITERATIONS = 6
+ITERATIONS = 12
 SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
 NEAR = 0.002  # m: a place that moves by less is found
 GRID = 10  # places searched along each axis of the volume
@@ -49,7 +52,7 @@ EVIDENCE = 12.0  # by which a place found by search must explain the readings be
 @inlined
 def magnetometers(x: Array) -> int:
     """How many a state has."""
-    return (len(x) - XM - 7) // 6
+    return (len(x) - XL - 1) // 6
 
 
 @inlined
@@ -57,7 +60,7 @@ def seen(x: Array, k: int, H: Array) -> Array:
     """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
     R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
-    left, place = XM + 6 + 3 * k, XM + 6 + 3 * (magnetometers(x) + k)
+    left, place = XL + 3 * k, XL + 3 * (magnetometers(x) + k)
     m, arm = times(R, moment), times(R, lever)
     B_b: Array = back(R_gb, x[XB : XB + 3])
     r = np.empty(3)
@@ -79,7 +82,10 @@ def seen(x: Array, k: int, H: Array) -> Array:
             H[i, j] = 0.0
         H[i, OWN + left - XM + i] = 1.0
     block(1.0, D, 0, P_, H)
-    block(-1.0, D, 0, OWN + place - XM, H)
+    slopes, B_b = uneven(x, R_gb, x[place : place + 3], B_b, H)
+    for i in range(3):
+        for j in range(3):
+            H[i, OWN + place - XM + j] = slopes[i, j] - D[i, j]
     block(1.0, chained(J, R), 0, MOM, H)
     block(1.0, chained(D, R), 0, LEV, H)
     by_lever, by_moment = chained(D, chained(R, skew(lever))), chained(J, chained(R, skew(moment)))
@@ -87,10 +93,41 @@ def seen(x: Array, k: int, H: Array) -> Array:
         for j in range(3):
             H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
     block(1.0, transposed(R_gb), 0, B_, H)
-    block(1.0, skew(B_b), 0, THG, H)
     for i in range(3):
         B_b[i] += own[i] + x[left + i]
     return B_b
+
+
+@inlined
+def uneven(x: Array, R_gb: Array, place: Array, B_b: Array, H: Array) -> tuple[Array, Array]:
+    """The field's slopes (3, 3) in the base's axes, and the field B_b (3,) at the base's sensor made that at a magnetometer's place; fills its slopes by the
+    trunk's orientation and by slopes. Those of a field without curl and divergence are five; calibrations add one."""
+    S, E, at, turning = np.zeros((3, 3)), np.zeros((3, 3)), times(R_gb, place), skew(B_b)
+    H[0, SLO + 5], H[1, SLO + 5], H[2, SLO + 5] = place[0], place[1], place[2]
+    for n in range(5):
+        first, second = max(n - 1, 0) if n < 3 else 0, min(n + 1, 2) if n < 3 else 1  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
+        for i in range(3):
+            for j in range(3):
+                E[i, j] = 0.0
+        if n < 3:
+            E[first, second] = E[second, first] = 1.0
+        else:
+            E[0, 0], E[1, 1], E[2, 2] = 1.0, -1.0 if n == 3 else 1.0, 0.0 if n == 3 else -2.0
+        size = math.sqrt(6.0) if n == 4 else math.sqrt(2.0)
+        steep: Array = back(R_gb, times(E, at))
+        for i in range(3):
+            H[i, SLO + n] = steep[i] / size
+            for j in range(3):
+                S[i, j] += x[XS + n] * E[i, j] / size
+    S_b = chained(transposed(R_gb), chained(S, R_gb))
+    bent, carried, there = times(S_b, place), chained(S_b, skew(place)), np.empty(3)
+    about = skew(bent)
+    for i in range(3):
+        there[i] = B_b[i] + bent[i] + x[XS + 5] * place[i]
+        for j in range(3):
+            H[i, THG + j] = turning[i, j] + about[i, j] - carried[i, j]
+        S_b[i, i] += x[XS + 5]
+    return S_b, there
 
 
 @inlined
@@ -185,24 +222,27 @@ def spaced(k: int) -> float:
 
 @inlined
 def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
-    """The error of which only the place is not zero: where in the volume the readings fit best."""
-    best, lowest, where = np.zeros(len(P)), math.inf, np.zeros(3)
+    """Errors (8, errors) of which only the place is not zero: where in each octant of the volume the readings fit best."""
+    best, lowest, where, missed = np.zeros((8, len(P))), np.full(8, math.inf), np.zeros(3), np.zeros(3)
     R = matrix(x[XQ : XQ + 4])
     m, arm, B_b = times(R, x[XM : XM + 3]), times(R, x[XM + 3 : XM + 6]), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
-    first = XM + 6 + 3 * len(mag)
+    first = XL + 3 * len(mag)
     tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
-    fixed = s.mag**2 + s.mag_left**2 + P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
+    common = (P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]) / 3  # of the room's field, an error of all magnetometers alike
+    weighted = np.zeros(3)
     for a in range(GRID):
         where[0] = centre[0] + s.reach * spaced(a)
         for b in range(GRID):
             where[1] = centre[1] + s.reach * spaced(b)
             for c in range(GRID):
                 where[2] = centre[2] + s.reach * spaced(c)
-                cost = 0.0
+                cost, weight = 0.0, 0.0
+                for i in range(3):
+                    weighted[i] = 0.0
                 for k in range(len(mag)):
                     if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
                         continue
-                    square, along, strength, missed = 1e-4, 0.0, 0.0, 0.0
+                    square, along, strength = 1e-4, 0.0, 0.0
                     for i in range(3):
                         r = where[i] + arm[i] - x[first + 3 * k + i]
                         square += r * r
@@ -210,11 +250,19 @@ def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
                     for i in range(3):
                         own = MU0_4PI * (3 * along * (where[i] + arm[i] - x[first + 3 * k + i]) - square * m[i]) / square**2.5
                         strength += own * own
-                        missed += (mag[k, i] - B_b[i] - own) ** 2
-                    variance = fixed + (tilt + 0.25) * strength  # half the field: between the points of the grid
-                    cost += missed / variance + 3 * math.log(variance)
-                if cost < lowest:
-                    lowest = cost
+                        missed[i] = mag[k, i] - B_b[i] - own
+                    variance = s.single**2 + (tilt + 0.25) * strength  # half the field: between the points of the grid
+                    weight += 1.0 / variance
+                    cost += 3 * math.log(variance)
                     for i in range(3):
-                        best[P_ + i] = where[i] - x[i]
+                        cost += missed[i] ** 2 / variance
+                        weighted[i] += missed[i] / variance
+                cost += 3 * math.log(1.0 + common * weight)
+                for i in range(3):
+                    cost -= common * weighted[i] ** 2 / (1.0 + common * weight)
+                octant = 4 * (2 * a // GRID) + 2 * (2 * b // GRID) + 2 * c // GRID
+                if cost < lowest[octant]:
+                    lowest[octant] = cost
+                    for i in range(3):
+                        best[octant, P_ + i] = where[i] - x[i]
     return best

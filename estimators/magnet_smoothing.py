@@ -38,8 +38,9 @@ from estimators.magnet_filter import (
     moved,
 )
 from estimators.magnet_options import MagnetParams
+from estimators.magnet_start import as_told
 from estimators.magnet_trace import Trace, beside, traced
-from estimators.magnet_tracking import Readings, State, Track, as_told, joined, part, step
+from estimators.magnet_tracking import Readings, State, Track, joined, part, step
 from estimators.quaternions import Array
 from estimators.small_matrices import put, spread
 
@@ -103,7 +104,7 @@ def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
 
 @looped
 def went_back(trace: Trace, news: Array, cov: Array, states: Array, variances: Array) -> None:
-    """Fill states (n, 39 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
+    """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
     sure that is beside what lasts, are of its last sample and become those of the sample before its first."""
     C, open_, made, apart = np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty(OWN)
     for n in range(len(states) - 1, -1, -1):

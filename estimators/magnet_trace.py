@@ -20,8 +20,8 @@ from estimators.small_matrices import cholesky, clear, lowered, product, put, ra
 class Trace(NamedTuple):
     """Of n samples; without rows where nobody goes back."""
 
-    expected: Array  # (n, 39 + 6 L) the state before the sample's readings
-    state: Array  # (n, 39 + 6 L) with them
+    expected: Array  # (n, 45 + 6 L) the state before the sample's readings
+    state: Array  # (n, 45 + 6 L) with them
     gain: Any  # (n, 30, 30) float32: what errors of the sample say of those of the sample before
     open: Any  # (n, 30, 30) float32: covariance of those if the sample's were known
     own: Any  # (n, 30, 30) float32: covariance of the sample's errors, with its readings

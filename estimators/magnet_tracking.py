@@ -17,39 +17,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
-from estimators import dipole, magnet_standstill
+from estimators import magnet_standstill, magnet_start
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.gravity import GRAVITY
-from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
+from estimators.magnet_filter import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
 from estimators.magnet_lateness import WAY
-from estimators.magnet_localisation import Located, located
-from estimators.magnet_loop import MOODS, followed
+from estimators.magnet_loop import MOODS, WIDE, followed
 from estimators.magnet_options import DEG, MagnetParams, sizes
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from estimators.magnet_start import Setup
 from estimators.magnet_trace import Trace, rows_of, traced
 from estimators.quaternions import Array
-from estimators.sensor_fusion import upright
 
-ROOM = 1e-6  # T by which the field of a room differs from the earth's
-PINNED = 1e-9  # T: across itself the field has nothing at the start, for g is turned so; left free, heading and field drift off together
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 LISTENED = (32, 256)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
 QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
 SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
 LOUDER = 1.5  # times what was told from which on all is begun anew
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What is known before the first sample."""
-
-    array: Constellation
-    magnet: Magnet
-    earth: float  # T, strength of the field in which the magnetometers were calibrated
-    dip: float | None = None  # rad below the horizon, if it is known
-    centre: Array | None = None  # (3,) m, middle of the volume in the base's frame; None: the array's middle
-    q_bt: Array | None = None  # (4,) how the hand is turned at the start, if somebody knows
 
 
 @dataclass(frozen=True)
@@ -68,8 +53,8 @@ class State:
     """Everything the next step needs: save it, copy it, start again from it."""
 
     setup: Setup
-    x: Array | None  # (39 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
-    covariance: Array  # (37 + 6 magnetometers,) squared
+    x: Array | None  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    covariance: Array  # (43 + 6 magnetometers,) squared
     mood: Array  # (8,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
     way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
@@ -142,7 +127,11 @@ def step(params: MagnetParams, state: State, readings: Readings, trace: Trace | 
     cut = int(fresh[enough - 1 - len(state.heard)]) + 1
     state, early = _advanced(params, state, part(readings, slice(cut)), rows_of(trace, slice(cut)))
     later = slice(cut, None)
-    state, late = step(params, _listened(params, state, heard[:enough]), part(readings, later), rows_of(trace, later))
+    listening = _listened(params, state, heard[:enough])
+    begun_anew = listening.x is not state.x
+    state, late = step(params, listening, part(readings, later), rows_of(trace, later))
+    if begun_anew and trace is not None and cut < len(trace.gain):  # nothing leads back to what was made before
+        trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
     return state, joined([early, late])
 
 
@@ -150,14 +139,32 @@ def _listened(params: MagnetParams, state: State, heard: Array) -> State:
     """With the noise that readings heard so far (n, magnetometers, 3) show, and what had been judged by another forgotten."""
     noise, first = 1e6 * _noise(heard), len(heard) == LISTENED[0]
     more = None if len(heard) == LISTENED[-1] else heard
-    if first and noise > LOUDER * params.mag_noise:
-        return replace(start(state.setup), recent=state.recent, heard=more, noise=noise, t=state.t)
+    louder = noise > LOUDER * params.mag_noise
+    if first and state.x is not None and (louder or _lost(state)):
+        return replace(_anew(params, state, heard, max(noise, params.mag_noise)), heard=more, noise=noise if louder else 0.0)
     if noise <= SEEN * params.mag_noise:
         noise = 0.0
     if not noise > max(state.noise, params.mag_noise):
         return replace(state, heard=more, noise=noise)
     mood = np.concatenate([[1.0], state.mood[1:]])
     return replace(state, heard=more, noise=noise, mood=mood, contradicted=-np.inf)
+
+
+def _lost(state: State) -> bool:
+    return float(np.trace(state.covariance[P_ : P_ + 3, P_ : P_ + 3])) > WIDE**2
+
+
+def _anew(params: MagnetParams, state: State, heard: Array, noise: float) -> State:
+    """Begun once more at the newest sample, of `noise` uT; where the hand is by the mean of readings heard so far (n, magnetometers, 3), if it held still."""
+    params, begun = replace(params, mag_noise=noise), start(state.setup)
+    near = None
+    if not magnet_standstill.moving(heard, len(heard), 1e-6 * noise).any():
+        at = Readings(np.array([state.t]), state.newest[None, :6], state.newest[None, 6:], heard.mean(axis=0)[None])
+        told = _advanced(replace(params, mag_noise=noise / np.sqrt(len(heard))), begun, at, None)[0]
+        near = None if told.x is None or _lost(told) else magnet_start.there(told.x)
+    mag_b = quat.rotate(state.setup.array.q_bl, heard[-1])
+    x, P = magnet_start.begun(params, state.setup, state.newest, heard[-1], mag_b, near)
+    return replace(begun, x=x, covariance=P, newest=state.newest, recent=state.recent, t=state.t)
 
 
 def _noise(mag: Array) -> float:
@@ -181,7 +188,7 @@ def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Tra
         if not whole.any():
             return replace(state, t=float(readings.t[-1]) if n else state.t), _before(state, readings, 0, n, saturated)
         first = int(whole.argmax())
-        x, P = _begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
+        x, P = magnet_start.begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
         state = replace(state, t=float(readings.t[first]), newest=samples[first])
     window, still = magnet_standstill.stood(
         state.recent, samples[first:], mag[first:], params.still_samples, params.still_gyr * DEG, params.still_acc, 1e-6 * params.mag_noise
@@ -192,8 +199,8 @@ def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Tra
     dts = np.diff(readings.t[first:], prepend=state.t)
     setup = state.setup
     x = followed(
-        sizes(params),
-        _centre(setup),
+        sizes(params, magnet_start.span(array)),
+        magnet_start.centre(setup),
         x,
         P,
         mood,
@@ -237,7 +244,7 @@ def learned(state: State) -> Setup:
     if state.x is None:
         return state.setup
     x, many = state.x[XM:], state.setup.array.places.size
-    array = Constellation(x[6 + many : -1].reshape(-1, 3).copy(), state.setup.array.q_bl)
+    array = Constellation(x[12 + many : -1].reshape(-1, 3).copy(), state.setup.array.q_bl)
     return replace(state.setup, array=array, magnet=Magnet(x[0:3].copy(), x[3:6].copy()))
 
 
@@ -255,80 +262,6 @@ def by_chance(moved: Array, left: Array) -> Array:
     return np.asarray(gammaincc(0.5 * np.maximum(learnt, 1.0), 0.5 * (moved**2).sum(axis=1)))
 
 
-def _centre(setup: Setup) -> Array:
-    return setup.array.places.mean(axis=0) if setup.centre is None else setup.centre
-
-
-def _begun(params: MagnetParams, setup: Setup, sample: Array, mag: Array, mag_b: Array) -> tuple[Array, Array]:
-    """State and covariance at the first whole sample: at rest, inclinations from gravity, headings from the field and, if it is near, from the magnet."""
-    near = _near(params, setup, mag)
-    B_b = mag_b.mean(axis=0) if near is None else near[2]
-    q_gb = upright(quat.IDENTITY, sample[3:6])
-    B_g = quat.rotate(q_gb, B_b)
-    north = np.arctan2(B_g[0], B_g[1])
-    q_gb = quat.headed(q_gb, north)
-    level = np.array([0.0, np.hypot(B_g[0], B_g[1]), B_g[2]])
-    if setup.dip is not None:
-        level = setup.earth * np.array([0.0, np.cos(setup.dip), -np.sin(setup.dip)])
-    q_gt = upright(quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12])
-    turn = 0.0
-    if setup.q_bt is None and near is not None:
-        m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
-        turn = np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
-    q_bt = quat.multiply(quat.conjugate(q_gb), quat.headed(q_gt, turn))
-    p = _centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
-    x = np.concatenate([p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), as_told(setup)])
-    incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
-    lost = setup.q_bt is None and near is None
-    up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
-    P = np.diag(np.concatenate([np.zeros(OWN), _sure(params, setup) ** 2]))
-    P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
-    P[V_ : V_ + 3, V_ : V_ + 3] = P[VB : VB + 3, VB : VB + 3] = np.eye(3) * 0.1**2
-    P[TH : TH + 3, TH : TH + 3] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
-    field = np.array([PINNED, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM])])
-    P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
-    P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (params.gyr_bias_sd * DEG) ** 2
-    P[range(15, 18), range(15, 18)] = P[range(24, 27), range(24, 27)] = params.acc_bias_sd**2
-    P[THG : THG + 3, THG : THG + 3] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
-    return x, P
-
-
-def as_told(setup: Setup) -> Array:
-    """The state's rows from XM on before anything is read: moment, its place, what calibrations left, the magnetometers' places."""
-    return np.concatenate([setup.magnet.moment, setup.magnet.place, np.zeros(setup.array.places.size), setup.array.places.ravel(), [0.0]])
-
-
-def _sure(params: MagnetParams, setup: Setup) -> Array:
-    """Their standard deviations, as told."""
-    many = setup.array.places.size
-    return np.repeat(
-        [params.magnet_error * setup.magnet.size, params.lever_error, 1e-6 * params.mag_error, params.place_error, params.lateness_sd],
-        [3, 3, many, many, 1],
-    )
-
-
-def _near(params: MagnetParams, setup: Setup, mag: Array) -> tuple[Array, Array, Array] | None:
-    """Place and moment of the magnet and the field without it in the base's frame from one reading, if the array sees it well."""
-    if len(setup.array) < 3:
-        return None
-    noise = 1e-6 * float(np.hypot(params.mag_noise, params.mag_error))
-    found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-    sure = bool(found.found[0])
-    if not sure and np.isfinite(found.left[0]):  # near by, places and moment told amiss leave more than the noise
-        noise = float(np.hypot(noise, _amiss(params, setup, found)))
-        found = located(mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03)
-        sure = bool(found.found[0] and found.left[0] < noise)  # all is in it: a true place leaves less 98 times of 100
-    return (found.place[0], found.moment[0], found.field[0]) if sure else None
-
-
-def _amiss(params: MagnetParams, setup: Setup, found: Located) -> float:
-    """T of an axis, RMS over the magnetometers, by which readings of the magnet that was found differ where places and moment are as well known as told."""
-    r, size = found.place[0] - setup.array.places, np.maximum(np.linalg.norm(found.moment[0]), setup.magnet.size)
-    moment = found.moment[0] * setup.magnet.size / size
-    by_place, own = dipole.by_place(r, moment) * params.place_error, dipole.by_moment(r) * params.magnet_error * setup.magnet.size
-    return float(np.sqrt(((by_place**2).sum(axis=-1) + (own**2).sum(axis=-1)).mean()))
-
-
 def _told(
     params: MagnetParams,
     setup: Setup,
@@ -342,8 +275,8 @@ def _told(
     mag: Array,
 ) -> Track:
     field = x[:, XB : XB + 3]
-    sure = _sure(params, setup)
-    moved = np.abs(x[:, XM:] - as_told(setup)) / sure
+    sure = magnet_start.sure_of(params, setup)
+    moved = np.abs(x[:, XM:] - magnet_start.as_told(setup)) / sure
     chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
     strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
     sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]

@@ -12,7 +12,8 @@ from estimators import magnet_setup, magnet_smoothing, magnet_tracking
 from estimators.hand_geometry import sized
 from estimators.magnet_localisation import located
 from estimators.magnet_options import MagnetParams
-from estimators.magnet_tracking import Readings, Setup
+from estimators.magnet_start import Setup
+from estimators.magnet_tracking import Readings
 from estimators.measures import lift
 from estimators.methods import m2
 from estimators.processing import process

@@ -12,7 +12,8 @@ from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
 from estimators import magnet_setup, magnet_smoothing, magnet_tracking, magnetometer_sphere
 from estimators import quaternions as quat
 from estimators.magnet_options import MagnetParams
-from estimators.magnet_tracking import Readings, Setup, Track
+from estimators.magnet_start import Setup
+from estimators.magnet_tracking import Readings, Track
 from estimators.quaternions import Array
 from estimators.simulation import magnet
 from estimators.simulation.magnet import ARRAY_ERRORS, Motion
@@ -36,8 +37,8 @@ AS_SIMULATED = replace(
     gyr_share=ARRAY_ERRORS.gyr_scale,
     gyr_bias_walk=1e-9,
     acc_bias_walk=1e-9,
-    mag_error=0.08,  # what turning a plate leaves of its calibration: decision 0011
-    field_across=0.1,  # and so homogeneous is the simulated room
+    field_slope=0.5,  # so homogeneous is the simulated room
+    field_across=0.1,
     field_walk=0.03,
 )
 LIMITS = {"position": 15.0, "relative": 2.0, "trunk": 6.0}

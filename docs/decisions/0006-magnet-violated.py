@@ -13,7 +13,8 @@ from app.reproduce import kortier5
 from estimators import magnet_setup, magnet_tracking, magnetometer_sphere
 from estimators import quaternions as quat
 from estimators.magnet_options import MagnetParams
-from estimators.magnet_tracking import Readings, Setup
+from estimators.magnet_start import Setup
+from estimators.magnet_tracking import Readings
 from estimators.simulation import magnet
 from estimators.simulation.magnetic_field import EARTH, MagneticField, office
 

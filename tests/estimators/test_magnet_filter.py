@@ -65,10 +65,10 @@ def _told(s, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float
 
 def _state() -> Array:
     """Of a trunk with two magnetometers."""
-    x = 0.1 * RNG.normal(size=51)
+    x = 0.1 * RNG.normal(size=57)
     x[mf.XM : mf.XM + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
-    x[mf.XM + 6 : mf.XM + 12] *= 1e-6
-    x[mf.XM + 12 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
+    x[mf.XS : mf.XL + 6] *= 1e-5
+    x[mf.XL + 6 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
     x[0:3] = [-0.05, 0.1, 0.2]
     x[mf.XB : mf.XB + 3] = [1e-6, 18e-6, -46e-6]
     for at in (mf.XQ, mf.XGB):
@@ -77,7 +77,7 @@ def _state() -> Array:
 
 
 def _difference(x: Array, other: Array) -> Array:
-    """The error (49,) that takes x to the other state."""
+    """The error (55,) that takes x to the other state."""
     plain = other - x
     turns = (quat.log(quat.relative(x[a : a + 4], other[a : a + 4])) for a in (mf.XQ, mf.XGB))
     th, thg = turns
@@ -91,7 +91,7 @@ def test_slopes_of_the_time_update_are_differences() -> None:
     x, F, other = _state(), np.zeros((30, 30)), np.zeros((30, 30))
     _stepped(SIZES, x, before, now, dt, F)
     for k in range(30):
-        dx = np.zeros(49)
+        dx = np.zeros(55)
         dx[k] = h
         ahead = _stepped(SIZES, _moved(x, dx), before, now, dt, other)
         behind = _stepped(SIZES, _moved(x, -dx), before, now, dt, other)
@@ -101,19 +101,19 @@ def test_slopes_of_the_time_update_are_differences() -> None:
 
 def test_slopes_of_a_magnetometer_are_differences() -> None:
     """Of one that is 62 ms late and read 8 ms ago, while trunk and hand turn and speed up."""
-    x, H, none, way = _state(), np.zeros((3, 49)), np.zeros((3, 49)), RNG.normal(size=WAY + 2)
+    x, H, none, way = _state(), np.zeros((3, 55)), np.zeros((3, 55)), RNG.normal(size=WAY + 2)
     x[-1], way[WAY:] = 0.062, [0.0, 0.008]
     way[FB : FB + 6] *= 10
     way[VS : VS + 3], way[TELLS] = x[3:6], LEARNT
     _read(x, way, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
     biases = [k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)]  # left out: over 70 ms they move nothing
-    for k in np.setdiff1d(range(49), biases):
-        dx = np.zeros(49)
+    for k in np.setdiff1d(range(55), biases):
+        dx = np.zeros(55)
         dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.LEFT <= k < mf.LEFT + 6 else 1e-5
         ahead, behind = (_read(_moved(x, d), way, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
-        np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 48 else 1e-9)
+        np.testing.assert_allclose(H[:, k], (ahead - behind) / (2 * h), rtol=1e-4, atol=4e-6 if k == 54 else 1e-9)
 
 
 def _gravity(x: Array) -> tuple[Array, Array]:
@@ -140,9 +140,9 @@ def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
         pushed = rest.copy()
         pushed[at + axis] += 0.05
         here, there = (
-            _difference(x, _told(SIZES, x, sure**2 * np.eye(49), now, which == "base", which == "target", dt)) for now in (rest, pushed)
+            _difference(x, _told(SIZES, x, sure**2 * np.eye(55), now, which == "base", which == "target", dt)) for now in (rest, pushed)
         )
-        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(49)]
+        numeric = [(predicted(_moved(x, dx)) - predicted(_moved(x, -dx)))[axis] / (2 * h) for dx in h * np.eye(55)]
         np.testing.assert_allclose(told * (there - here) / 0.05, numeric, atol=2e-3)
 
 
@@ -152,15 +152,18 @@ def _carried(x: Array, f_b: Array) -> Array:
 
 
 def test_the_covariance_is_carried_as_one_matrix() -> None:
-    """Against F P F' + Q of all 49 errors at once, without the noise of trunk and hand."""
+    """Against F P F' + Q of all 55 errors at once, without the noise of trunk and hand."""
     still = SIZES._replace(gyr=0.0, gyr_moving=0.0, acc=0.0, acc_slow=0.0, field_walk=0.0, gyr_walk=0.0, acc_walk=0.0, acc_turned=0.0)
-    A = RNG.normal(size=(49, 49))
+    A = RNG.normal(size=(55, 55))
     P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
-    kept = np.ones(49)
+    kept = np.ones(55)
     kept[mf.LEFT : mf.LEFT + 6] = np.exp(-turned / SIZES.left_alike)
+    kept[mf.SLO : mf.SLO + 5] = np.exp(-1 / 60 / mf.SEATED)
+    renewed = np.where(kept < 1.0, SIZES.mag_left, 0.0)
+    renewed[mf.SLO : mf.SLO + 5] = SIZES.slope
     whole = np.diag(kept)
     whole[:30, :30] = F
-    expected = whole @ P @ whole.T + SIZES.mag_left**2 * np.diag(1 - kept**2)
+    expected = whole @ P @ whole.T + np.diag(renewed**2 * (1 - kept**2))
     expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
     _widened(still, P, F, 1 / 60, 60 * turned, 2.0)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
@@ -212,5 +215,5 @@ def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a
     apart = way[VS : VS + 3] - v
     for known, kept in ((0.04, np.exp(-dt / SLOW)), (0.2, 0.0)):
         led = way.copy()
-        _settled(led, x, np.eye(49) * known**2, v, dt)
+        _settled(led, x, np.eye(55) * known**2, v, dt)
         np.testing.assert_allclose(led[VS : VS + 3] - x[3:6], kept * quat.rotate(quat.about(2, -3.0 * dt), apart), atol=1e-12)
