@@ -45,10 +45,10 @@ class MagnetParams:
         least=1e-3,
     )
     mag_error: float = option(
-        0.12,
+        0.2,
         "uT",
         "what the calibration of a magnetometer leaves by itself",
-        "HMC5883L data sheet: linear to 0.1 % of 2 G, spread evenly",
+        "HMC5883L data sheet: linear to 0.1 % of 2 G",
         least=1e-3,
     )
     field_slope: float = option(
