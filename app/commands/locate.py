@@ -162,6 +162,7 @@ def _alike(searched: Searched) -> list[str]:
         "place": f"magnetometers that sit {1e3 * sizes['place']:.2g} mm from where they are told",
         "length": f"a magnet as long as a rod of {200 * np.sqrt(6 * sizes['length']):.2g} cm",
         "slope": f"a field that changes by {1e6 * magnet_uneven.change_of(sizes['slope']):.2g} uT a metre",
+        "turn": f"axes of the magnetometers that are turned by {np.degrees(np.sqrt(3) * sizes['turn']):.2g} degrees against the board",
         "moment": "a moment that is not as told",
     }
     return [

@@ -5,6 +5,7 @@ import pytest
 
 from estimators import magnet_alike, magnet_fit, magnet_search, magnet_uneven
 from estimators import magnet_setup as setup
+from estimators import quaternions as quat
 from estimators.magnet_search import Search, Searched
 from estimators.quaternions import Array
 from estimators.simulation.magnetic_field import MagneticField
@@ -16,9 +17,10 @@ GRADIENT = 20e-6 * np.array([[0.9, 0.4, 0.6], [0.4, 0.2, -0.5], [0.6, -0.5, -1.1
 
 
 def _searched(
-    places: Array, nearest: float, gradient: Array, length: float, elsewhere: float = 0.0, gain: float = 0.0
+    places: Array, nearest: float, gradient: Array, length: float, elsewhere: float = 0.0, gain: float = 0.0, turn: float = 0.0
 ) -> tuple[Searched, Array]:
-    """What is found of a magnet of that length that goes round before the array, and where it was; magnetometers sit `elsewhere` m from where they are told."""
+    """What is found of a magnet of that length that goes round before the array, and where it was; magnetometers sit `elsewhere` m from where they are told, and
+    the axes of all are turned by `turn` rad against the board."""
     rng, t = np.random.default_rng(len(places)), np.arange(40) / 10
     p = np.column_stack([0.04 * np.cos(3 * t), 0.04 * np.sin(2 * t), nearest * (1.4 + 0.4 * np.sin(1.3 * t))])
     along = np.column_stack([np.cos(t), np.sin(t), np.ones(len(t))]) / np.sqrt(2.0)
@@ -28,6 +30,7 @@ def _searched(
     B = np.array([[MagneticField(FIELD, (a + s * u)[None], 0.4 * u[None]).at(places + off) for s in parts] for a, u in zip(p, along)]).mean(
         axis=1
     )
+    B = quat.rotate(quat.exp(turn * np.array([0.6, 0.0, 0.8])), B)
     mag = gains * B + places @ gradient + NOISE * rng.normal(size=B.shape)
     search = Search(t, mag, setup.constellation(places), 1.5 * NOISE, 5e-4)
     return magnet_search.searched(search, None, 0.03, NOISE), p
@@ -51,13 +54,18 @@ def test_nothing_is_counted_where_field_and_magnet_are_as_assumed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "length", "elsewhere", "gain", "size"),
-    [("place", 0.0, 1e-3, 0.0, 1e-3), ("length", 0.04, 0.0, 0.0, 0.02**2 / 6), ("gain", 0.0, 0.0, 0.02, 0.02 / np.sqrt(3))],
+    ("kind", "length", "elsewhere", "gain", "turn", "size"),
+    [
+        ("place", 0.0, 1e-3, 0.0, 0.0, 1e-3),
+        ("length", 0.04, 0.0, 0.0, 0.0, 0.02**2 / 6),
+        ("gain", 0.0, 0.0, 0.02, 0.0, 0.02 / np.sqrt(3)),
+        ("turn", 0.0, 0.0, 0.0, 0.03, 0.03 / np.sqrt(3)),
+    ],
 )
 def test_what_errs_alike_in_all_readings_is_told_by_them_and_taken_off(
-    kind: str, length: float, elsewhere: float, gain: float, size: float
+    kind: str, length: float, elsewhere: float, gain: float, turn: float, size: float
 ) -> None:
-    found, p = _searched(NINE, 0.08, 0 * GRADIENT, length, elsewhere, gain)
+    found, p = _searched(NINE, 0.08, 0 * GRADIENT, length, elsewhere, gain, turn)
     assert found.alike is not None and found.alike.most.name == kind
     assert dict(zip((k.name for k in magnet_alike.KINDS), found.alike.sizes))[kind] == pytest.approx(size, rel=0.5)
     ok, off = found.located.found, found.located.place - p
