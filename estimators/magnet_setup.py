@@ -52,7 +52,7 @@ def constellation(places: Array, q_bl: Array | None = None) -> Constellation:
     if away > FARTHEST or (len(apart) and apart.max() > WIDEST):
         largest = max(away, float(apart.max(initial=0.0)))
         raise InputError(
-            f"The constellation spans {largest:g} m: no trunk is that large. Places are in metres; were these millimetres or centimetres?"
+            f"The constellation spans {largest:g} m: no trunk is that large. Places are in metres; were these millimetres or centimetres? Correct the places in MagnetSetup."
         )
     if len(apart) and apart.min() < CLOSEST:
         raise InputError(

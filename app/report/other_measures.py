@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.language import Language
+from app.report.advice import advice
 from app.report.content import Task
 from app.report.norms import norm_of
 from app.report.range_rows import GRADES
@@ -51,6 +52,7 @@ def _section(trials: Sequence[Task], language: Language) -> Section:
         "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
         "rows": shown,
         "reason": shared,  # of all rows, or of those that point to it
+        "advice": advice((f.reason for t in trials for f in t.result.figures if f.grade != "good"), language),
         "reasons": any(row[-1] for row in shown),
         "about": about,
         "norms": norms,

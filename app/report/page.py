@@ -29,7 +29,7 @@ WARNINGS = 8  # of them on the page
 HEADINGS = (  # words that the layout places
     "report.title", "summary", "further", "quality", "provenance", "warnings",
     "notes", "examiner", "signature", "date", "joint", "signal", "figure", "unit", "norm", "reason", "quality.over_all",
-    "quality.median", "quality.largest", "quality.worst", "not_done", "scores", "left_out", "technical", "notes.none", "checksums",
+    "quality.median", "quality.largest", "quality.worst", "not_done", "scores", "left_out", "advice.title", "technical", "notes.none", "checksums",
 )  # fmt: skip
 
 

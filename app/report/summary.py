@@ -20,6 +20,7 @@ from estimators.measures.figure import Figure
 WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
 NAMED = 5  # joints or tasks at most that a sentence names
 LEAST_VOLUME = 1e-4  # m^3 of the places reached, below which a sentence says nothing: a reach to and fro on one line spans none
+LEAST_FORWARD = 0.005  # m; a smaller one back is told as none forward
 
 
 def summary(content: Content, language: Language) -> list[str]:
@@ -156,8 +157,8 @@ def _of_trunk(trials: Sequence[Task], language: Language) -> list[str]:
     volume, lean, forward = (_mean(trials, f"reach_{name}") for name in ("volume", "trunk_lean", "trunk_forward"))
     said = [language.say("summary.reach.volume", volume=language.number(1e3 * volume, 1))] if volume >= LEAST_VOLUME else []
     if np.isfinite(lean):
-        key = "summary.reach.trunk" if np.isfinite(forward) else "summary.reach.lean"
-        facts = {"forward": language.number(1e2 * forward)} if np.isfinite(forward) else {}
+        key = "summary.reach.lean" if np.isnan(forward) else "summary.reach.trunk" if forward > -LEAST_FORWARD else "summary.reach.back"
+        facts = {} if np.isnan(forward) else {"forward": language.number(1e2 * abs(forward))}
         said.append(language.say(key, lean=language.number(lean * DEG), **facts))
     return said
 

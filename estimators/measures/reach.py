@@ -31,7 +31,7 @@ from estimators.trajectory import Trajectory
 TITLE = "Reach"
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"
 BALASUBRAMANIAN = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's angular speed"
-FINGERTIPS = "of the fingertips' speed against the wrist: the hand hardly turned"
+FINGERTIPS = "found in the fingertips' speed against the wrist, as the hand hardly turned"
 VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
 OWN = kinds(
     Kind("reach_count", "1", "reaches that were measured", "ours"),

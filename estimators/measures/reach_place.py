@@ -27,7 +27,7 @@ from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
 OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
-NO_MAGNET = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
+NO_MAGNET = "the hand's place is not known: that takes magnetometers on the trunk and a magnet on the hand (where they are worn, the warnings say what is wrong)"
 NO_HEIGHT = "the height of the trunk's sensor above the hips (trunk_height of the task) is not one between 0.1 and 0.7 m; give it in m"
 UNKNOWN = np.uint8(PlaceFlag.MISSING | PlaceFlag.OUT_OF_REACH | PlaceFlag.DOUBTFUL)
 FEWEST = 8  # samples of a way

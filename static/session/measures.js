@@ -27,12 +27,23 @@ function section(told, graded, drawn) {
     h("h2", {}, told.title),
     h("p", { class: "soft" }, told.task),
     told.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
+    told.advice.length > 0 && doubted(told),
     h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": told.title }, table),
-    told.reason && h("p", { class: "hint" }, told.reason),
+    !told.advice.length && told.reason && h("p", { class: "hint" }, told.reason),
     drawn,
     told.limit && h("p", { class: "hint" }, told.limit),
     h("details", {}, h("summary", {}, t("measures.source")), h("p", { class: "hint" }, told.source)),
   );
+}
+
+/** Why figures cannot be trusted, and what to do about it. */
+function doubted({ reason, advice }) {
+  const todo = h(
+    "ul",
+    {},
+    advice.map((words) => h("li", {}, words)),
+  );
+  return h("div", { class: "warning doubted" }, reason && h("p", {}, reason), h("h3", {}, t("measures.advice")), todo);
 }
 
 function line([name, values, unit, [grade, words], reason], norm) {

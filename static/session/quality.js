@@ -17,11 +17,18 @@ export function mount(root, api, { result }) {
             warnings.map((words) => h("li", {}, readable(words))),
           ),
         )
-      : h("p", {}, h("span", { class: "badge good" }, "✓"), " ", t("quality.fine")),
+      : noticed(readings),
     h("h3", {}, t("quality.calibration")),
     h("div", {}, readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated"))),
   );
   return () => {};
+}
+
+/** Without a warning: whether every figure can be trusted. */
+function noticed({ others }) {
+  const doubted = others.filter((told) => told.advice.length).map((told) => told.title);
+  if (doubted.length) return h("div", { class: "warning" }, h("p", {}, t("quality.figures", { titles: doubted.join(", ") })));
+  return h("p", {}, h("span", { class: "badge good" }, "✓"), " ", t("quality.fine"));
 }
 
 function calibration(told) {

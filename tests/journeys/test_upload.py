@@ -1,13 +1,19 @@
 """A recording made elsewhere: numbers, another way of processing, the replay; and what bad files get."""
 
+import csv
 import io
+import json
+import math
+import subprocess
+import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import api, figure, held_back, keep_picture, scene_drawn, shown
+from tests.journeys.house import ROOT, api, figure, held_back, keep_picture, scene_drawn, shown
 
 pytestmark = pytest.mark.browser
 HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
@@ -86,3 +92,55 @@ def test_bad_files_get_a_sentence_and_leave_no_session(page: Page, patient: int,
     assert api(page, f"/api/patients/{patient}")["sessions"] == []
     page.reload()
     expect(page.get_by_text("No sessions yet")).to_be_visible()
+
+
+def _changed(recording: bytes, ending: str, change: Callable[[str], str]) -> bytes:
+    """The same recording with the text of the files that end so changed, and without the truth."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(recording)) as old, zipfile.ZipFile(out, "w") as new:
+        for name in old.namelist():
+            if not name.startswith("derivatives/"):
+                content = old.read(name)
+                new.writestr(name, change(content.decode()) if name.endswith(ending) else content)
+    return out.getvalue()
+
+
+def _pushed_by_another(forces: str) -> str:
+    """Both fingertips, while they grip, feel what no movement of theirs answers to."""
+    rows = [[float(v) for v in row] for row in csv.reader(io.StringIO(forces), delimiter="\t")]
+    for row in rows:
+        push = 2.5 * math.sin(2 * math.pi * 0.37 * row[0]) + 2.0 * math.sin(2 * math.pi * 1.43 * row[0] + 1)
+        for first in (1, 4):
+            size = math.hypot(*row[first : first + 3])
+            row[first : first + 3] = [v * (1 + push / size) if size > 0.5 else v for v in row[first : first + 3]]
+    return "".join("\t".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _in_millimetres(sidecar: str) -> str:
+    told = json.loads(sidecar)
+    for place in told["MagnetSetup"]["places"].values():
+        place[:] = [1e3 * x for x in place]
+    return json.dumps(told)
+
+
+DOUBTED = {  # task with its options, the file that is changed, how, what the page says beside the figures and what in its card on trust
+    "squeeze": ((), "force_motion.tsv", _pushed_by_another, "have nothing else touch or move the object", "not every figure can be trusted: Squeeze"),
+    "reach": (("--trunk",), "trunkmag_motion.json", _in_millimetres, "the warnings say what is wrong", "were these millimetres or centimetres?"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("task", DOUBTED)
+def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(page: Page, patient: int, tmp_path: Path, task: str) -> None:
+    options, file, change, beside, trust = DOUBTED[task]
+    path = tmp_path / f"{task}.zip"
+    words = [sys.executable, "-m", "app.cli", "simulate", task, "--hand", "left", *options, "--out", str(path)]
+    subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    upload(page, path.name, _changed(path.read_bytes(), file, change))
+    page.wait_for_url("**/sessions/*")
+    card = page.locator(".card").filter(has=page.get_by_role("heading", name=task.capitalize(), exact=True))
+    shown(card)
+    keep_picture(page, f"doubted-{task}")
+    expect(card).to_contain_text(beside)
+    trusted = page.locator(".card").filter(has=page.get_by_role("heading", name="Can I trust these numbers?"))
+    expect(trusted).to_contain_text(trust)
+    expect(trusted).not_to_contain_text("Nothing unusual was noticed")

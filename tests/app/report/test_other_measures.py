@@ -89,6 +89,14 @@ def _reached(*figures: tuple[str, float, str]) -> Task:
             (("volume", 0.0123, ""), ("trunk_lean", 0.1, ""), ("trunk_forward", 0.04, "")),
             "trunk's sensor. The places reached span 12.3 litres. The trunk leans 6° meanwhile, which carries its sensor 4 cm forward.",
         ),
+        (
+            (("trunk_lean", 0.05, ""), ("trunk_forward", -0.012, "")),
+            "trunk's sensor. The trunk leans 3° meanwhile, which carries its sensor 1 cm back.",
+        ),
+        (
+            (("trunk_lean", 0.05, ""), ("trunk_forward", -0.004, "")),
+            "trunk's sensor. The trunk leans 3° meanwhile, which carries its sensor 0 cm forward.",
+        ),
     ],
 )
 def test_a_reach_is_told_in_short_with_what_is_known_of_it(trunk: tuple[tuple[str, float, str], ...], words: str) -> None:
@@ -99,7 +107,7 @@ def test_a_reach_is_told_in_short_with_what_is_known_of_it(trunk: tuple[tuple[st
 
 
 def test_without_a_magnet_a_reach_says_in_short_why_it_has_no_metres_and_the_table_says_it_once() -> None:
-    why = "the hand's place is measured only with magnetometers on the trunk and a magnet on the hand"
+    why = "the hand's place is not known: that takes magnetometers on the trunk and a magnet on the hand (where they are worn, the warnings say what is wrong)"
     unknown = [(name, float("nan"), why) for name in ("distance", "way", "straightness")]
     task = _reached(("time", 0.9, ""), ("peak_speed", 1.0, "another"), *unknown)
     assert f"Reach for a cup: how far the hand reaches is not known ({why})." in summary(
@@ -107,7 +115,7 @@ def test_without_a_magnet_a_reach_says_in_short_why_it_has_no_metres_and_the_tab
     )
     (section,) = other_measures([task], language("en"))
     assert section["reason"] == why and section["reasons"]
-    assert [row[-1] for row in section["rows"]] == ["", "another", *["see below the table"] * 3]
+    assert [row[-1] for row in section["rows"]] == ["", "another", *["see the note"] * 3]
 
 
 LIFTED = (("count", 2.0, "", "good"), ("grip_hold", 3.04, "", "good"), ("load_hold", 2.87, "", "good"), ("time_to_lift", 0.74, "", "good"))
