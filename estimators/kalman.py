@@ -11,16 +11,28 @@ import numpy as np
 
 from estimators.compiled import inlined
 from estimators.quaternions import Array
+from estimators.small_matrices import clear
 
 
 @inlined
 def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> float:
-    """With S = H P H' + noise = L L', W = L^-1 H P and y = L^-1 missed the gain K gives K missed = W' y and K H P = W' W.
+    """The update of P and of the means."""
+    W = np.empty(H.shape)
+    total: float = explained(P, missed, H, noise, W, change)
+    reduced(P, W)
+    return total
 
-    Measurements that are not used have rows of zeros; of the others only what is not zero is gone through, and of P one half.
+
+@inlined
+def explained(P: Array, missed: Array, H: Array, noise: Array, W: Array, change: Array) -> float:
+    """The change of the means alone. With S = H P H' + noise = L L', W = L^-1 H P (m, e), filled, and y = L^-1 missed the gain K gives K missed = W' y and
+    K H P = W' W.
+
+    Measurements that are not used have rows of zeros; of the others only what is not zero is gone through.
     """
     m, e = H.shape
-    W, L, y = np.zeros((m, e)), np.empty((m, m)), np.empty(m)
+    clear(W)
+    L, y = np.empty((m, m)), np.empty(m)
     used, columns, filled, n = np.empty(m, np.intp), np.empty((m, e), np.intp), np.zeros(m, np.intp), 0
     for row in range(m):
         for k in range(e):
@@ -57,6 +69,14 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> f
         for k in range(e):
             W[i, k] /= L[i, i]
             change[k] += W[i, k] * y[i]
+    return total
+
+
+@inlined
+def reduced(P: Array, W: Array) -> None:
+    """P - W' W in place, by its lower half."""
+    m, e = W.shape
+    for i in range(m):
         for k in range(e):
             if W[i, k] != 0.0:
                 for c in range(k + 1):
@@ -64,4 +84,3 @@ def correct(P: Array, missed: Array, H: Array, noise: Array, change: Array) -> f
     for k in range(e):
         for c in range(k):
             P[c, k] = P[k, c]
-    return total

@@ -9,7 +9,7 @@ import numpy as np
 
 from estimators.compiled import inlined, looped
 from estimators.dipole import MU0_4PI
-from estimators.kalman import correct
+from estimators.kalman import correct, explained
 from estimators.magnet_filter import (
     B_,
     LEV,
@@ -39,7 +39,7 @@ from estimators.magnet_filter import (
 )
 from estimators.magnet_inertial import inertial
 from estimators.magnet_lateness import TELLS, WAY, considered, dependence, settled, went_on
-from estimators.magnet_reading import EVIDENCE, answered, compared, kept, magnetometers, read, searched, sought
+from estimators.magnet_reading import EVIDENCE, answered, compared, kept, led, magnetometers, read, searched, sought
 from estimators.magnet_trace import Trace, alone, beside, foreseen, told_of
 from estimators.quaternions import Array
 from estimators.small_matrices import block, put, spread
@@ -82,7 +82,7 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
     rows = 3 * len(mag)
     H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
     compared(s, x, way, mag, 1.0, H, missed, noise)
-    out: float = correct(P.copy(), missed, H, noise, np.empty(len(P))) / answered(mag)
+    out: float = explained(P, missed, H, noise, np.empty((rows, len(P))), np.empty(len(P))) / answered(mag)
     return out
 
 
@@ -92,7 +92,7 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     (2,): normalised innovation squared of all readings where it puts the hand, and whether it was sought elsewhere."""
     lost, disputed, less = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2, False, math.inf
     if lost:
-        start, _, cost = sought(s, x, P, way, np.zeros(len(P)), mag, 1.0)
+        start, cost = led(s, x, P, way, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P))))
         there, less, disputed = best_of(s, x, P, way, searched(s, x, P, mag, centre), mag)
         if less < cost - EVIDENCE:  # what led astray would lead back
             found = moved(x, there)
@@ -122,8 +122,9 @@ def best_of(s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array)
     """Of places that starts (n, errors) lead to the one that explains the readings best, what it leaves, and whether another does nearly as well."""
     n = len(starts)
     ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
+    W = np.empty((3 * len(mag), len(P)))
     for k in range(n):
-        ends[k], _, costs[k] = sought(s, x, P, way, starts[k], mag, 1.0)
+        ends[k], costs[k] = led(s, x, P, way, starts[k], mag, 1.0, W)
         if costs[k] < costs[best]:
             best = k
     for k in range(n):

@@ -13,7 +13,7 @@ import numpy as np
 
 from estimators.compiled import inlined
 from estimators.dipole import MU0_4PI
-from estimators.kalman import correct
+from estimators.kalman import explained, reduced
 from estimators.magnet_filter import (
     B_,
     LEV,
@@ -183,34 +183,42 @@ def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> 
     curvature makes of the filter's variance, where half of that is their own noise, as of a hand that rests (else the filter's movement is in it).
     """
     size, rows = len(P), 3 * len(mag)
-    dx, C, cost, new = np.zeros(size), P, 0.0, np.empty(size)
-    H, missed, noise, unused = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
+    dx, C, cost, new = np.zeros(size), P.copy(), 0.0, np.empty(size)
+    H, W, missed, noise, unused = np.zeros((rows, size)), np.empty((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
     compared(s, x, way, mag, grown, H, missed, noise)
     for iteration in range(ITERATIONS):
         compared(s, moved(x, SHARE * dx), way, mag, grown, H, unused, noise)
-        C = P.copy()
-        cost = correct(C, missed, H, noise, new)
+        cost = explained(P, missed, H, noise, W, new)
         if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
+    reduced(C, W)
     return dx, C, cost
 
 
 @inlined
 def sought(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
     """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
-    size, rows = len(P), 3 * len(mag)
-    dx, C, cost, new = start.copy(), P, 0.0, np.empty(size)
+    W, C = np.empty((3 * len(mag), len(P))), P.copy()
+    dx, cost = led(s, x, P, way, start, mag, grown, W)
+    reduced(C, W)
+    return dx, C, cost
+
+
+@inlined
+def led(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, W: Array) -> tuple[Array, float]:
+    """Where the readings lead from x moved by `start`: error, and what is missed as `kept` gives it; fills W (m, errors) as kalman.py has it."""
+    rows, size = W.shape
+    dx, cost, new = start.copy(), 0.0, np.empty(size)
     H, missed, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
     for iteration in range(ITERATIONS):
         compared(s, moved(x, dx), way, mag, grown, H, missed, noise)
         for row in range(rows):
             for j in range(size):
                 missed[row] += H[row, j] * dx[j]
-        C = P.copy()
-        cost = correct(C, missed, H, noise, new)
+        cost = explained(P, missed, H, noise, W, new)
         if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
             break
-    return dx, C, cost
+    return dx, cost
 
 
 @inlined
