@@ -40,7 +40,7 @@ from estimators.magnet_filter import (
 )
 from estimators.magnet_lateness import WAY, by_now, earlier
 from estimators.quaternions import Array
-from estimators.small_matrices import block
+from estimators.small_matrices import block, product
 
 ITERATIONS = 12
 SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
@@ -102,26 +102,21 @@ def seen(x: Array, k: int, H: Array) -> Array:
 def uneven(x: Array, R_gb: Array, place: Array, B_b: Array, H: Array) -> tuple[Array, Array]:
     """The field's slopes (3, 3) in the base's axes, and the field B_b (3,) at the base's sensor made that at a magnetometer's place; fills its slopes by the
     trunk's orientation and by slopes. Those of a field without curl and divergence are five; calibrations add one."""
-    S, E, at, turning = np.zeros((3, 3)), np.zeros((3, 3)), times(R_gb, place), skew(B_b)
-    H[0, SLO + 5], H[1, SLO + 5], H[2, SLO + 5] = place[0], place[1], place[2]
-    for n in range(5):
-        first, second = max(n - 1, 0) if n < 3 else 0, min(n + 1, 2) if n < 3 else 1  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
-        for i in range(3):
-            for j in range(3):
-                E[i, j] = 0.0
-        if n < 3:
-            E[first, second] = E[second, first] = 1.0
-        else:
-            E[0, 0], E[1, 1], E[2, 2] = 1.0, -1.0 if n == 3 else 1.0, 0.0 if n == 3 else -2.0
-        size = math.sqrt(6.0) if n == 4 else math.sqrt(2.0)
-        steep: Array = back(R_gb, times(E, at))
-        for i in range(3):
-            H[i, SLO + n] = steep[i] / size
-            for j in range(3):
-                S[i, j] += x[XS + n] * E[i, j] / size
-    S_b = chained(transposed(R_gb), chained(S, R_gb))
+    at, S, steep, two, six = times(R_gb, place), np.empty((3, 3)), np.zeros((3, 6)), math.sqrt(0.5), math.sqrt(1 / 6)
+    S[0, 1], S[0, 2], S[1, 2] = two * x[XS], two * x[XS + 1], two * x[XS + 2]  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
+    S[0, 0], S[1, 1], S[2, 2] = two * x[XS + 3] + six * x[XS + 4], six * x[XS + 4] - two * x[XS + 3], -2 * six * x[XS + 4]
+    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
+    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = two * at[1], two * at[0], two * at[2], two * at[0]
+    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = two * at[2], two * at[1], two * at[0], -two * at[1]
+    steep[0, 4], steep[1, 4], steep[2, 4] = six * at[0], six * at[1], -2 * six * at[2]
+    for i in range(3):
+        steep[i, 5] = at[i]
+    R_bg, steep_b = transposed(R_gb), np.empty((3, 6))
+    product(R_bg, steep, steep_b)
+    block(1.0, steep_b, 0, SLO, H)
+    S_b = chained(R_bg, chained(S, R_gb))
     bent, carried, there = times(S_b, place), chained(S_b, skew(place)), np.empty(3)
-    about = skew(bent)
+    turning, about = skew(B_b), skew(bent)
     for i in range(3):
         there[i] = B_b[i] + bent[i] + x[XS + 5] * place[i]
         for j in range(3):
