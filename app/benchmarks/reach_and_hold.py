@@ -31,18 +31,25 @@ REPEATS = 3
 def measure() -> list[Metric]:
     """Processor's time of what a minute of movement needs; the first call translates what is compiled."""
     setup, readings = _followed()
+    _, unheard = _followed(away=50.0)
     array = readings.mag[::6]  # ten a second
     return [
-        Metric("magnet, four magnetometers at 60 Hz", _speed(SECONDS, lambda: magnet_smoothing.smoothed(MagnetParams(), magnet_tracking.start(setup), readings)), "x real time", TARGET, "higher"),
+        Metric("magnet, four magnetometers at 60 Hz", _speed(SECONDS, lambda: _smoothed(setup, readings)), "x real time", TARGET, "higher"),
+        Metric("the same, out of reach for 50 s of the minute", _speed(SECONDS, lambda: _smoothed(setup, unheard)), "x real time", None, "higher"),
         Metric("magnet by the array alone at 10 Hz", _speed(SECONDS, lambda: located(array, setup.array, None, setup.magnet.size)), "x real time", None, "higher"),
         *_held(),
     ]  # fmt: skip
 
 
-def _followed() -> tuple[Setup, Readings]:
-    """A minute of picking and placing, calibrated."""
+def _smoothed(setup: Setup, readings: Readings) -> None:
+    magnet_smoothing.smoothed(MagnetParams(), magnet_tracking.start(setup), readings)
+
+
+def _followed(away: float = 0.0) -> tuple[Setup, Readings]:
+    """A minute of picking and placing, calibrated; for `away` s of it the hand is out of reach."""
     rng = np.random.default_rng(1)
     w, m = magnet.worn(rng), magnet.condition("both", rng, SECONDS)
+    m = magnet.away(m, 5.0, 5.0 + away) if away else m
     imu, raw = magnet.inertial(w, m, rng), magnet.magnetic(w, m, homogeneous(), rng)
     mag = np.einsum("lij,nlj->nli", np.linalg.inv(w.soft), raw - w.hard)
     setup = Setup(
