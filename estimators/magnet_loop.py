@@ -59,9 +59,11 @@ MEMORY = 0.5  # s over which surprises are averaged
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
 ROAMED = 600.0  # s over which it is looked how far the field differs from place to place
-SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading
+SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it is too large, s without a reading that was looked at
 SINCE, MEAN, SQUARE = 3, 4, 6  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
-MOODS = 8
+UNTIL = 8  # s for which a hand out of earshot is not sought again
+MOODS = 9
+SEARCHED = 0.1  # s between searches that hear nothing
 
 
 @inlined
@@ -89,7 +91,7 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
 @inlined
 def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, grown: float, dt: float, left: Array) -> Array:
     """The magnetic update in place: from where the filter is, and if it hardly knows, from where the readings point to. Gives the state, and fills left
-    (2,): normalised innovation squared of all readings where it puts the hand, and whether it was sought elsewhere."""
+    (3,): normalised innovation squared of all readings where it puts the hand, whether it was sought elsewhere, whether it is heard."""
     lost, disputed, less = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2, False, math.inf
     if lost:
         start, cost = led(s, x, P, way, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P))))
@@ -108,7 +110,8 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
     out: Array = moved(x, dx)
     left[0] = min(cost, less)
     known = not disputed and cost < GATE * 3 * len(mag) and told(s, out, C, LOUD if lost else AUDIBLE, FOUND if lost else STRAIGHT)
-    if disputed and strength(out, distance(out)) > LOUD * s.single:  # it is heard, but where it is will show as it moves
+    left[2] = 1.0 if strength(out, distance(out)) > LOUD * s.single else 0.0
+    if disputed and left[2] > 0.5:  # it is heard, but where it is will show as it moves
         out = x.copy()
     elif not known:
         out = without(s, x, P, way, mag, dt)
@@ -265,7 +268,7 @@ def followed(
     """Go through samples (n, 12), magnetometers (n, magnetometers, 3) in the base's axes, how old these are (n, magnetometers), standstill (n, 2); fill
     states (n, ...), variances (n, ...), surprise (n,), and the trace if it has rows. P, mood, `before` (the last good readings) and `way` in place; gives
     the state."""
-    F, now, left, own, lasting = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(2), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    F, now, left, own, lasting = np.zeros((OWN, OWN)), np.zeros(12), np.zeros(3), np.empty((OWN, OWN)), np.empty((OWN, OWN))
     traced = len(trace.state) > 0
     if traced:
         beside(P, own, lasting)
@@ -302,7 +305,8 @@ def followed(
         step = min(max(dt, 1e-3), s.max_gap)
         wide = P[0, 0] + P[1, 1] + P[2, 2] > WIDE**2
         way[TELLS] = dependence(way, P, wide)
-        count = answered(mags[n])
+        mood[UNTIL] = mood[UNTIL] - step if wide else 0.0
+        count = answered(mags[n]) if mood[UNTIL] <= 0.0 else 0
         if count:
             new = 0.0 if wide else surprise(s, x, P, way, mags[n])
             since = min(mood[SILENT] + step, 0.2)
@@ -310,7 +314,7 @@ def followed(
             if new < GATE or wide:
                 x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left)
             if wide:  # before it was found nothing could be expected: what no place explains is a surprise
-                new = left[0] / count
+                new, mood[UNTIL] = left[0] / count, SEARCHED * (1.0 - left[2])
             mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:

@@ -55,7 +55,7 @@ class State:
     setup: Setup
     x: Array | None  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
     covariance: Array  # (43 + 6 magnetometers,) squared
-    mood: Array  # (8,) as magnet_loop.py has it
+    mood: Array  # (9,) as magnet_loop.py has it
     newest: Array  # (12,) last good inertial readings
     way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
     recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
