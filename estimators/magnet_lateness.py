@@ -15,6 +15,7 @@ Leaves  a change of the acceleration over tau (0.1 s at 10 m/s^3: 2 mm), and wha
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,29 +131,55 @@ def earlier(x: Array, way: Array) -> Array:
     return out
 
 
+class LedBack(NamedTuple):
+    """From the errors of a state to those of the state tau before."""
+
+    tau: float
+    C: Array  # (3, 3) the base's axes of now to those of then
+    U: Array  # (3, 3) the target's
+    far: Array  # (3, 3) acceleration by the target's turning
+    place: Array  # (3,) place by lateness
+    target: Array  # (3,) target's orientation by lateness
+    base: Array  # (3,) base's
+
+
 @inlined
-def by_now(x: Array, then: Array, way: Array, H: Array) -> None:
-    """Slopes H (3, errors) by the errors of the state `then`, in place made slopes by the errors of x, from which it was led back."""
+def dated(x: Array, way: Array, age: float) -> tuple[Array, LedBack]:
+    """The state to which a reading belongs that is `age` s old by its time stamp, and the way back to it."""
+    late = x.copy()
+    late[-1] += age
+    then = earlier(late, way)
+    return then, led_back(late, then, way)
+
+
+@inlined
+def led_back(x: Array, then: Array, way: Array) -> LedBack:
     base, target = turns(x, way)
-    tau, R, one = x[-1], matrix(x[XQ : XQ + 4]), np.zeros(4)
+    tau, one = x[-1], np.zeros(4)
     one[0] = 1.0
-    C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))  # axes of now to those of then
-    Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
+    C, U = matrix(turned(one, base, False)), matrix(turned(one, target, False))
     w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), accelerated(x, way)
     for i in range(3):
         w[i], u[i] = way[WB + i] - x[XBG + i] - tau * way[AB + i], way[WT + i] - x[XTG + i] - tau * way[AT + i]
         v[i] = way[VS + i] - tau * pulled[i]
-    v, about = times(C, v), back(matrix(then[XQ : XQ + 4]), w)
-    S = skew(w)
-    HpC = chained(Hp, C)
-    block(1.0, HpC, 0, P_, H)
-    block(-tau, HpC, 0, V_, H)
-    block(1.0, chained(Hg, C), 0, THG, H)
-    HtU, far = chained(Ht, U), chained(HpC, chained(R, skew(way[FT : FT + 3] - x[XTA : XTA + 3])))
+    v, about, carried = times(C, v), back(matrix(then[XQ : XQ + 4]), w), times(skew(w), then[0:3])
+    told = 1.0 if way[TELLS] > LEFT_OUT else 0.0
     for i in range(3):
-        H[i, H.shape[1] - 1] = 0.0
+        v[i], u[i], w[i] = told * (carried[i] - v[i]), told * (about[i] - u[i]), -told * w[i]
+    far = chained(C, chained(matrix(x[XQ : XQ + 4]), skew(way[FT : FT + 3] - x[XTA : XTA + 3])))
+    return LedBack(tau, C, U, far, v, u, w)
+
+
+@inlined
+def by_now(led: LedBack, H: Array) -> None:
+    """Slopes H (3, errors) by the errors of the state then, in place made slopes by the errors of now."""
+    Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
+    late = times(Hp, led.place) + times(Ht, led.target) + times(Hg, led.base)
+    HpC, HtU, far = chained(Hp, led.C), chained(Ht, led.U), chained(Hp, led.far)
+    block(1.0, HpC, 0, P_, H)
+    block(-led.tau, HpC, 0, V_, H)
+    block(1.0, chained(Hg, led.C), 0, THG, H)
+    for i in range(3):
+        H[i, H.shape[1] - 1] = late[i]
         for j in range(3):
-            H[i, TH + j] = HtU[i, j] - 0.5 * tau * tau * far[i, j]
-            carried = S[j, 0] * then[0] + S[j, 1] * then[1] + S[j, 2] * then[2]
-            if way[TELLS] > LEFT_OUT:
-                H[i, H.shape[1] - 1] += Hp[i, j] * (carried - v[j]) + Ht[i, j] * (about[j] - u[j]) - Hg[i, j] * w[j]
+            H[i, TH + j] = HtU[i, j] - 0.5 * led.tau**2 * far[i, j]

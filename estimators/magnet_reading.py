@@ -8,6 +8,7 @@ Leaves  of a place that is known the slopes are those three quarters of the way 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,10 +39,11 @@ from estimators.magnet_filter import (
     times,
     transposed,
 )
-from estimators.magnet_lateness import WAY, by_now, earlier
+from estimators.magnet_lateness import WAY, by_now, dated
 from estimators.quaternions import Array
-from estimators.small_matrices import block, product
+from estimators.small_matrices import block, clear, product
 
+TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # slopes of a field as five of the same size
 ITERATIONS = 12
 SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
 NEAR = 0.002  # m: a place that moves by less is found
@@ -55,17 +57,38 @@ def magnetometers(x: Array) -> int:
     return (len(x) - XL - 1) // 6
 
 
+class Sight(NamedTuple):
+    """What of a state all magnetometers see alike, in the base's axes."""
+
+    R: Array  # (3, 3) axes of the target
+    R_gb: Array  # (3, 3)
+    moment: Array  # (3,)
+    arm: Array  # (3,) from the target's sensor to the magnet
+    B_b: Array  # (3,) the room's field at the base's sensor
+    S_b: Array  # (3, 3) its slopes
+    by_lever: Array  # (3, 3) the arm's, by the target's turning
+    by_moment: Array  # (3, 3) the moment's
+
+
 @inlined
-def seen(x: Array, k: int, H: Array) -> Array:
-    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
-    R, R_gb = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4])
+def sight(x: Array) -> Sight:
+    R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
     moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
-    left, place = XL + 3 * k, XL + 3 * (magnetometers(x) + k)
-    m, arm = times(R, moment), times(R, lever)
-    B_b: Array = back(R_gb, x[XB : XB + 3])
+    S[0, 1], S[0, 2], S[1, 2] = TWO * x[XS], TWO * x[XS + 1], TWO * x[XS + 2]  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
+    S[0, 0], S[1, 1], S[2, 2] = TWO * x[XS + 3] + SIX * x[XS + 4], SIX * x[XS + 4] - TWO * x[XS + 3], -2 * SIX * x[XS + 4]
+    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
+    S_b = chained(transposed(R_gb), chained(S, R_gb))
+    B_b = back(R_gb, x[XB : XB + 3])
+    return Sight(R, R_gb, times(R, moment), times(R, lever), B_b, S_b, chained(R, skew(lever)), chained(R, skew(moment)))
+
+
+@inlined
+def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
+    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
+    left, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
     r = np.empty(3)
     for i in range(3):
-        r[i] = x[i] + arm[i] - x[place + i]
+        r[i] = x[i] + at.arm[i] - x[place + i]
     square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
     along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
     k5 = MU0_4PI / square**2.5
@@ -76,63 +99,51 @@ def seen(x: Array, k: int, H: Array) -> Array:
             D[i, j] = 3 * k5 * (r[i] * m[j] + m[i] * r[j] - 5 * along * r[i] * r[j] / square)
         J[i, i] -= k5 * square
         D[i, i] += 3 * k5 * along
-    own = times(J, m)
-    for i in range(3):
-        for j in range(H.shape[1]):
-            H[i, j] = 0.0
-        H[i, OWN + left - XM + i] = 1.0
+    clear(H)
     block(1.0, D, 0, P_, H)
-    slopes, B_b = uneven(x, R_gb, x[place : place + 3], B_b, H)
+    slopes, room = uneven(x, at, x[place : place + 3], H)
+    by_lever, by_moment = chained(D, at.by_lever), chained(J, at.by_moment)
+    reads: Array = times(J, m)
     for i in range(3):
+        H[i, OWN + left - XM + i] = 1.0
         for j in range(3):
             H[i, OWN + place - XM + j] = slopes[i, j] - D[i, j]
-    block(1.0, chained(J, R), 0, MOM, H)
-    block(1.0, chained(D, R), 0, LEV, H)
-    by_lever, by_moment = chained(D, chained(R, skew(lever))), chained(J, chained(R, skew(moment)))
-    for i in range(3):
-        for j in range(3):
             H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
-    block(1.0, transposed(R_gb), 0, B_, H)
-    for i in range(3):
-        B_b[i] += own[i] + x[left + i]
-    return B_b
+            H[i, B_ + j] = at.R_gb[j, i]
+        reads[i] += room[i] + x[left + i]
+    block(1.0, chained(J, at.R), 0, MOM, H)
+    block(1.0, chained(D, at.R), 0, LEV, H)
+    return reads
 
 
 @inlined
-def uneven(x: Array, R_gb: Array, place: Array, B_b: Array, H: Array) -> tuple[Array, Array]:
-    """The field's slopes (3, 3) in the base's axes, and the field B_b (3,) at the base's sensor made that at a magnetometer's place; fills its slopes by the
-    trunk's orientation and by slopes. Those of a field without curl and divergence are five; calibrations add one."""
-    at, S, steep, two, six = times(R_gb, place), np.empty((3, 3)), np.zeros((3, 6)), math.sqrt(0.5), math.sqrt(1 / 6)
-    S[0, 1], S[0, 2], S[1, 2] = two * x[XS], two * x[XS + 1], two * x[XS + 2]  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
-    S[0, 0], S[1, 1], S[2, 2] = two * x[XS + 3] + six * x[XS + 4], six * x[XS + 4] - two * x[XS + 3], -2 * six * x[XS + 4]
-    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
-    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = two * at[1], two * at[0], two * at[2], two * at[0]
-    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = two * at[2], two * at[1], two * at[0], -two * at[1]
-    steep[0, 4], steep[1, 4], steep[2, 4] = six * at[0], six * at[1], -2 * six * at[2]
+def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
+    """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
+    slopes. Those of a field without curl and divergence are five; calibrations add one."""
+    p, steep, steep_b = times(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
+    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = TWO * p[1], TWO * p[0], TWO * p[2], TWO * p[0]
+    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = TWO * p[2], TWO * p[1], TWO * p[0], -TWO * p[1]
+    steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
     for i in range(3):
-        steep[i, 5] = at[i]
-    R_bg, steep_b = transposed(R_gb), np.empty((3, 6))
-    product(R_bg, steep, steep_b)
+        steep[i, 5] = p[i]
+    product(transposed(at.R_gb), steep, steep_b)
     block(1.0, steep_b, 0, SLO, H)
-    S_b = chained(R_bg, chained(S, R_gb))
-    bent, carried, there = times(S_b, place), chained(S_b, skew(place)), np.empty(3)
-    turning, about = skew(B_b), skew(bent)
+    bent, carried, there, slopes = times(at.S_b, place), chained(at.S_b, skew(place)), np.empty(3), at.S_b.copy()
+    turning, about = skew(at.B_b), skew(bent)
     for i in range(3):
-        there[i] = B_b[i] + bent[i] + x[XS + 5] * place[i]
+        there[i] = at.B_b[i] + bent[i] + x[XS + 5] * place[i]
         for j in range(3):
             H[i, THG + j] = turning[i, j] + about[i, j] - carried[i, j]
-        S_b[i, i] += x[XS + 5]
-    return S_b, there
+        slopes[i, i] += x[XS + 5]
+    return slopes, there
 
 
 @inlined
 def read(x: Array, way: Array, k: int, H: Array) -> Array:
     """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
-    dated = x.copy()
-    dated[-1] += way[WAY + k]
-    then = earlier(dated, way)
-    reads: Array = seen(then, k, H)
-    by_now(dated, then, way, H)
+    then, led = dated(x, way, way[WAY + k])
+    reads: Array = seen(then, sight(then), k, H)
+    by_now(led, H)
     return reads
 
 
@@ -149,15 +160,24 @@ def answered(mag: Array) -> int:
 def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> None:
     """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
     `grown`."""
-    h = np.zeros((3, H.shape[1]))
+    age = way[WAY]
+    then, led = dated(x, way, age)
+    at = sight(then)
     for k in range(len(mag)):
-        reads = read(x, way, k, h)
-        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+        rows = H[3 * k : 3 * k + 3]
         for i in range(3):
-            row = 3 * k + i
-            noise[row, row], missed[row] = grown * s.mag**2, mag[k, i] - reads[i] if there else 0.0
-            for j in range(H.shape[1]):
-                H[row, j] = h[i, j] if there else 0.0
+            noise[3 * k + i, 3 * k + i], missed[3 * k + i] = grown * s.mag**2, 0.0
+        if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+            clear(rows)
+            continue
+        if way[WAY + k] != age:
+            age = way[WAY + k]
+            then, led = dated(x, way, age)
+            at = sight(then)
+        reads = seen(then, at, k, rows)
+        by_now(led, rows)
+        for i in range(3):
+            missed[3 * k + i] = mag[k, i] - reads[i]
 
 
 @inlined
