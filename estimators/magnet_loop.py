@@ -63,7 +63,7 @@ SURPRISE, OUT, SILENT = 0, 1, 2  # rows of the mood: mean surprise, s since it i
 SINCE, MEAN, SQUARE = 3, 4, 6  # s that were looked at, mean and mean squared deviation (T) of the field's other two components
 UNTIL = 8  # s for which a hand out of earshot is not sought again
 MOODS = 9
-SEARCHED = 0.1  # s between searches that hear nothing
+SEARCHED = 0.2  # s between searches that hear nothing
 
 
 @inlined
