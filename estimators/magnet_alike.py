@@ -1,7 +1,7 @@
 """What errs alike in all readings of an array: told by a whole recording, although each reading alone explains it away by a magnet elsewhere.
 
 In      readings with the magnet that explains each best (magnet_fit.py)
-Out     Alike: what offsets, gains and axes, places of the magnetometers, slopes of the field, length of the magnet, the axes of all against the board and the
+Out     Alike: what offsets, gains and axes, places of the magnetometers, their lateness, slopes of the field, length of the magnet, the axes of all against the board and the
         size of the moment are off by, with their covariance and how much likelier readings are with them; by how much they draw each place
 Source  a linear mixed model: errors of one kind are normal with one size, noise is white, sizes are those that make the readings likeliest (Harville 1977, JASA
         72:320; EM: Dempster, Laird & Rubin 1977, J R Stat Soc B 39:1). The unknowns of each reading are projected out. A rod of length 2 a is a
@@ -34,6 +34,7 @@ KINDS = (
     Kind("offset", 3, 0, 1e-7),  # T
     Kind("gain", 9, 0, 2e-3),  # share of an axis' field or of another's
     Kind("place", 3, 0, 3e-4),  # m
+    Kind("late", 1, 0, 2e-3),  # s
     Kind("length", 0, 1, 2e-5),  # a^2 / 6, m^2
     Kind("slope", 0, SLOPES, 3e-6),  # T/m
     Kind("turn", 0, 3, 1e-2),  # rad, of all magnetometers' axes against the board
@@ -116,9 +117,10 @@ def _added(told: Told, x: Array, rows: int) -> Array:
     places = own * -dipole.by_place(r, m)[:, :, :, None]
     slopes = np.broadcast_to(linear(told.places), (n, many, 3, SLOPES))
     noise = (told.noise * told.louder)[:, :, None, None]
+    late = own * (np.zeros((n, many, 3, 1, 1)) if told.rate is None else -told.rate[..., None, None])
     turn = np.cross(np.eye(3), there[:, :, None]).swapaxes(2, 3)
     length, none = _lengthened(x, told), np.zeros((n, many, 3))
-    each = zip(KINDS, (offsets, gains, places, length, slopes, turn, none))
+    each = zip(KINDS, (offsets, gains, places, late, length, slopes, turn, none))
     by_kind = [kind.size * v.reshape(n, many, 3, -1) / noise for kind, v in each]
     added = told.evenly(np.concatenate(by_kind, axis=-1).reshape(n, 3 * many, -1))
     added = np.pad(added, ((0, 0), (0, rows - added.shape[1]), (0, 0)))

@@ -40,9 +40,11 @@ class Told:
     louder: Array  # (n, magnetometers) standard deviations of readings over the noise
     uneven: float = 0.0  # T/m, standard deviation of each slope of the field
     evened: Array | None = None  # (n, axes, 5) what whitening takes from residuals for that
+    rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change, base frame
 
     def of(self, rows: NDArray[np.intp]) -> "Told":
-        return replace(self, y=self.y[rows], field=_at(self.field, rows), louder=self.louder[rows], evened=_at(self.evened, rows))
+        field, evened, rate = (_at(values, rows) for values in (self.field, self.evened, self.rate))
+        return replace(self, y=self.y[rows], field=field, louder=self.louder[rows], evened=evened, rate=rate)
 
     def with_louder(self, louder: Array) -> "Told":
         """Slopes of the field are unknowns that are known to `uneven`: (I + S S')^-1/2 = I - E E' with S what they add to residuals."""

@@ -2,7 +2,7 @@
 
 In      readings (n, magnetometers, 3), T, with their times; where the magnetometers sit; their noise as differences of readings tell it
 Out     Searched: Located with what is not to be trusted taken out, and why; the noise as places tell it
-Source  magnet_localisation.py, magnet_second.py
+Source  magnet_localisation.py, magnet_second.py, magnet_uneven.py, magnet_late.py, magnet_alike.py
 Limits  a second magnet or iron is told from noise by eight magnetometers or more; fewer see it where it leaves more than noise
 """
 
@@ -11,14 +11,16 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_alike, magnet_localisation, magnet_second, magnet_uneven
+from estimators import magnet_alike, magnet_late, magnet_localisation, magnet_second, magnet_uneven
 from estimators import quaternions as quat
 from estimators.magnet_alike import Alike
 from estimators.magnet_fit import SLOPES, Told, by_places
+from estimators.magnet_late import Late
 from estimators.magnet_localisation import Located
 from estimators.magnet_setup import Constellation
 from estimators.quaternions import Array
 
+AGAIN = 8  # rounds in which readings that are late are moved
 FEWEST, TAUGHT, TAKEN = 10, 200, 256  # readings that tell what errs alike, at least and at most; from which it is taken off at once
 SAMPLED, SPARE = 60, 9  # readings and axes above the unknowns of which the noise is asked
 LESS = 0.5  # of the noise that differences tell: so much less that they tell of movement
@@ -40,12 +42,19 @@ class Search:
     noise: float  # T
     place_sd: float  # m
     uneven: float = 0.0  # T/m, of each slope of the field
+    rate: Array | None = None  # (n, magnetometers, 3) T/s by which readings change
 
     def of(self, rows: NDArray[np.intp]) -> "Search":
-        return replace(self, t=self.t[rows], mag=self.mag[rows])
+        return replace(self, t=self.t[rows], mag=self.mag[rows], rate=None if self.rate is None else self.rate[rows])
 
     def by(self, chips: NDArray[np.intp]) -> "Search":
-        return replace(self, mag=self.mag[:, chips], array=Constellation(self.array.places[chips], self.array.q_bl[chips]))
+        array = Constellation(self.array.places[chips], self.array.q_bl[chips])
+        return replace(self, mag=self.mag[:, chips], array=array, rate=None if self.rate is None else self.rate[:, chips])
+
+    def moved(self, late: Array) -> "Search":
+        """With magnetometers that are late by so many s (magnetometers,) moved to when their readings were taken."""
+        mag = magnet_late.moved(self.t, self.mag, late)
+        return replace(self, mag=mag, rate=magnet_late.rates(self.t, mag))
 
     def answering(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Rows with the same magnetometers answering, and which."""
@@ -77,13 +86,15 @@ class Searched:
     located: Located
     strange: NDArray[np.bool_]  # (n,) around these, one magnet leaves too much
     two: NDArray[np.bool_]  # (n,) around these, a second magnet explains much
+    late: Late  # by which magnetometers were moved
     alike: Alike | None = None  # what errs alike in all readings, where it was taken off
 
 
 def searched(search: Search, size: float | None, size_sd: float, least: float) -> Searched:
     """`size` of the moment, A m^2, and how well it is known, a share of it; `least` T is what calibrations leave."""
-    search = _quieter(search, size, size_sd, least)
-    search, located = _with_slopes(search, search.located(size, size_sd), size, size_sd)
+    search = _quieter(search.moved(np.zeros(len(search.array))), size, size_sd, least)
+    search, located, late = _in_time(search, search.located(size, size_sd), size, size_sd)
+    search, located = _with_slopes(search, located, size, size_sd)
     located = _left_counted(search, located, size)
     looked, chance = _looked(search.t), _chance(search, located, size, size_sd)
     too_much = located.misfit > worst_misfit(np.isfinite(search.mag).all(axis=2).sum(axis=1), search.uneven)
@@ -95,7 +106,7 @@ def searched(search: Search, size: float | None, size_sd: float, least: float) -
     strange |= chaos & ~two
     explained_well = np.isfinite(located.misfit) & ~too_much & ~strange & ~two
     located, alike = _taken_off(search, replace(located, found=located.found & ~strange & ~two), explained_well, size, size_sd)
-    return Searched(search, located, strange, two, alike)
+    return Searched(search, _times_counted(search, located, late), strange, two, late, alike)
 
 
 def worst_misfit(many: int | NDArray[np.intp], uneven: float = 0.0) -> Array:
@@ -126,7 +137,42 @@ def explained(search: Search, located: Located, size: float | None, size_sd: flo
     x = np.concatenate([located.place, located.moment, located.field], axis=1)[rows]
     y, ones = quat.rotate(search.array.q_bl, search.mag[rows]), np.ones((len(rows), len(search.array)))
     told = Told(y, search.array.places, None, size, search.noise, size_sd, ones, search.uneven)
+    told = told if search.rate is None else replace(told, rate=quat.rotate(search.array.q_bl, search.rate[rows]))
     return told.with_louder(by_places(x, told, search.place_sd)), x
+
+
+def _in_time(search: Search, located: Located, size: float | None, size_sd: float) -> tuple[Search, Located, Late]:
+    """With magnetometers that are surely late against the others moved to when their readings were taken; by how much, 0 where it is not sure."""
+    total, sd = np.zeros((2, len(search.array)))
+    looked, places, kept = search, located, np.arange(len(search.t))
+    for _ in range(AGAIN):
+        rows, chips = _alike(looked, places)
+        if len(rows) < FEWEST or 3 * len(chips) <= UNKNOWNS:
+            break
+        rows = rows[:: -(-len(rows) // TAUGHT)]
+        alike = magnet_alike.learnt(*explained(looked.by(chips), places, size, size_sd, rows))
+        found = magnet_late.late(alike, len(chips))
+        if alike.chance > CHANCE or not found.surely.any():
+            break
+        total[chips] += np.where(found.surely, found.late, 0.0)
+        sd[chips], kept = found.sd, kept[rows]
+        looked = search.moved(total).of(kept)
+        places = looked.located(size, size_sd)
+    else:
+        total[:] = 0.0  # what comes to no end is no lateness
+    total = np.where(np.abs(total) < magnet_late.TOLD, 0.0, total)
+    before, now = np.nanmedian(located.misfit[kept]), np.nanmedian(places.misfit)
+    if not total.any() or now > min(before, float(worst_misfit(len(search.array)))):
+        return search, located, Late(np.zeros_like(total), sd)
+    search = search.moved(total)
+    return search, search.located(size, size_sd), Late(total, sd)
+
+
+def _times_counted(search: Search, located: Located, late: Late) -> Located:
+    """Where many magnetometers are late, each by another time, the time of a place is as unsure as they differ."""
+    by_place, by_moment = (magnet_late.rates(search.t, v[:, None])[:, 0] for v in (located.place, located.moment))
+    place_sd, moment_sd = np.hypot(located.place_sd, late.spread * by_place), np.hypot(located.moment_sd, late.spread * by_moment)
+    return _less_sure(search, located, place_sd, moment_sd)
 
 
 def _with_slopes(search: Search, located: Located, size: float | None, size_sd: float) -> tuple[Search, Located]:

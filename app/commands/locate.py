@@ -1,6 +1,7 @@
 """`handscope locate`: where a magnet is, reading by reading, from the recording of any magnetometer array; docs/magnet-array.md."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, 
 from estimators import quaternions as quat
 from estimators.errors import InputError
 from estimators.magnet_array import Turned
+from estimators.magnet_late import TOLD
 from estimators.magnet_localisation import Located
 from estimators.magnet_search import Search, Searched
 from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
@@ -92,7 +94,14 @@ def run(arguments: argparse.Namespace) -> int:
         [read.t, located.place, located.place_sd, located.moment, located.moment_sd, located.field, located.left, located.found]
     )
     save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
-    for sentence in [*told, *_uneven(answer, slopes), *_alike(answer), *_strange(array, mag, located), *doubted]:
+    for sentence in [
+        *told,
+        *_late(answer, array.names),
+        *_uneven(answer, slopes),
+        *_alike(answer),
+        *_strange(array, mag, located),
+        *doubted,
+    ]:
         say(f"warning: {sentence}")
     for sentence in [*_answer(read, answer, located, guessed), *_few(answer, located, array.moment, size_sd)]:
         say(sentence)
@@ -160,6 +169,7 @@ def _alike(searched: Searched) -> list[str]:
         "offset": f"offsets of {1e6 * sizes['offset']:.2g} uT",
         "gain": f"gains and axes that are off by {100 * sizes['gain']:.2g} %",
         "place": f"magnetometers that sit {1e3 * sizes['place']:.2g} mm from where they are told",
+        "late": f"readings that are late by {1e3 * sizes['late']:.2g} ms",
         "length": f"a magnet as long as a rod of {200 * np.sqrt(6 * sizes['length']):.2g} cm",
         "slope": f"a field that changes by {1e6 * magnet_uneven.change_of(sizes['slope']):.2g} uT a metre",
         "turn": f"axes of the magnetometers that are turned by {np.degrees(np.sqrt(3) * sizes['turn']):.2g} degrees against the board",
@@ -168,6 +178,20 @@ def _alike(searched: Searched) -> list[str]:
     return [
         f"what errs alike in all readings was told by all of them together and taken off the places; most of it looks like {looks[alike.most.name]}"
     ]
+
+
+def _late(searched: Searched, names: Sequence[str]) -> list[str]:
+    """Sentences of magnetometers whose readings were moved to when they were taken."""
+    late = [
+        f"{name} by {1e3 * late:.0f} ms (standard deviation {1e3 * sd:.1g})"
+        for name, late, sd in zip(names, searched.late.late, searched.late.sd)
+        if late
+    ]
+    if not late:
+        return []
+    spread = searched.late.spread
+    unsure = f"; whose times are right is not told, {1e3 * spread:.0f} ms are counted for it" if spread > TOLD else ""
+    return [f"readings come later than the others' (earlier, where less than 0) and were moved by that: {', '.join(late)}{unsure}"]
 
 
 def _few(searched: Searched, located: Located, moment: float | None, size_sd: float) -> list[str]:

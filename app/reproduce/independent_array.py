@@ -95,6 +95,12 @@ def _late(s: Scene, y: Values) -> Values:
     return out
 
 
+def _in_turn(s: Scene, y: Values) -> Values:
+    """Each chip 5 ms after the one before."""
+    when = [s.t - 0.005 * k for k in range(y.shape[1])]
+    return np.stack([np.column_stack([np.interp(t, s.t, axis) for axis in y[:, k].T]) for k, t in enumerate(when)], axis=1)
+
+
 KNOWN = {"moment": MOMENT}
 PLAIN = Chips(hard=0.0, soft=0.0, turned=False)
 CONDITIONS: Mapping[str, Condition] = {
@@ -126,6 +132,8 @@ CONDITIONS: Mapping[str, Condition] = {
     "a chip silent": Condition(spoilt=_silent),
     "two chips exchanged": Condition(spoilt=_exchanged),
     "a chip 50 ms late": Condition(spoilt=_late),
+    "each chip 5 ms after the one before": Condition(spoilt=_in_turn),
+    "each chip soldered askew by 1 degree": Condition(chips=Chips(askew=np.radians(1.0))),
     "limit of 100 uT, 5 to 15 cm away": Condition(chips=Chips(limit=100e-6), low=0.05, high=0.15),
     "the board turned by hand": Condition(carried=True),
     "the magnet put to a new place every 0.5 s": Condition(steps=True),

@@ -23,6 +23,19 @@ def _recorded(n: int, rate: float, second: bool) -> tuple[Array, Array, Array]:
     return t, B + NOISE * np.random.default_rng(n).normal(size=B.shape), p
 
 
+def _stamped_late(late: Array) -> tuple[Array, Array, Array]:
+    """The same alone at 40 Hz for 3 s, readings of each magnetometer late by so many s (12,)."""
+    t, rng = np.arange(120) / 40, np.random.default_rng(4)
+
+    def at(t: Array) -> tuple[Array, Array]:
+        p = np.column_stack([0.05 * np.cos(3 * t), 0.05 * np.sin(2 * t), 0.11 + 0.02 * np.sin(1.3 * t)])
+        return p, 0.4 * np.column_stack([np.cos(t), np.sin(t), np.zeros(len(t))])
+
+    each = [[MagneticField(FIELD, p[None], m[None]).at(PLACES[k : k + 1])[0] for p, m in zip(*at(t - tau))] for k, tau in enumerate(late)]
+    mag = np.array(each).swapaxes(0, 1)
+    return t, mag + NOISE * rng.normal(size=mag.shape), at(t)[0]
+
+
 def _searched(t: Array, mag: Array, noise: float) -> Searched:
     return magnet_search.searched(Search(t, mag, setup.constellation(PLACES), noise, 0.0), None, 0.03, CALIBRATION)
 
@@ -58,3 +71,31 @@ def test_magnetometers_that_answer_do_without_those_that_do_not() -> None:
     mag[20:, 3:] = np.nan
     found = _searched(t, mag, NOISE).located
     assert not found.found[20:].any() and np.isnan(found.place[20:]).all()
+
+
+def test_a_late_magnetometer_is_told_and_its_readings_are_moved() -> None:
+    late = np.where(np.arange(12) == 4, 0.06, 0.0)
+    t, mag, p = _stamped_late(late)
+    found = _searched(t, mag, NOISE)
+    np.testing.assert_array_equal(found.late.late != 0, late != 0)
+    assert abs(found.late.late[4] - 0.06) < 3 * found.late.sd[4] < 3e-3
+    assert found.located.found.mean() > 0.9 and found.late.spread == 0
+    square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
+    assert square.mean() < 1.5 and np.median(np.linalg.norm(found.located.place - p, axis=1)) < 0.002
+
+
+def test_magnetometers_read_one_after_the_other_leave_the_time_of_a_place_unsure() -> None:
+    """The first one's time is the table's; what readings tell is how much later than the middle one each is."""
+    late = np.arange(12) * 4e-3
+    t, mag, p = _stamped_late(late)
+    found = _searched(t, mag, NOISE)
+    ok = found.located.found
+    assert np.abs(found.late.late - (late - np.median(late))).max() < 3e-3
+    assert ok.mean() > 0.9 and found.late.spread > 5e-3
+    assert (((found.located.place - p) / found.located.place_sd)[ok] ** 2).mean() < 2.5
+
+
+def test_no_lateness_is_made_up_for_readings_of_two_magnets_or_of_one_at_rest() -> None:
+    t, mag, _ = _recorded(60, 20.0, second=True)
+    assert not _searched(t, mag, NOISE).late.late.any()
+    assert not _searched(t, mag[:1] + NOISE * np.random.default_rng(1).normal(size=mag.shape), NOISE).late.late.any()

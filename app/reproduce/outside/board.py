@@ -44,6 +44,7 @@ class Chips:
     misplaced: float = 0.0  # m by which each chip sits elsewhere than told
     noise: float = 0.2e-6  # T
     turned: bool = True  # by quarters, anyhow
+    askew: float = 0.0  # rad about each axis by which each chip is soldered so
     limit: float = np.inf  # T
 
 
@@ -66,6 +67,8 @@ def drawn(many: int, chips: Chips, rng: np.random.Generator) -> Board:
     axes = quarters.as_matrix() if chips.turned else np.repeat(np.eye(3)[None], many, axis=0)
     axes[0] = np.eye(3)
     axes = (np.eye(3) + (soft + soft.transpose(0, 2, 1)) / 2) @ axes
+    if chips.askew:
+        axes = axes @ Rotation.from_rotvec(chips.askew * rng.normal(size=(many, 3))).as_matrix()
     places, hard = told + chips.misplaced * rng.normal(size=(many, 3)), chips.hard * rng.normal(size=(many, 3))
     return Board(chips, told, places, axes, hard, 1 + chips.gain * rng.normal(size=(many, 3)))
 
