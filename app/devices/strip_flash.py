@@ -1,7 +1,8 @@
 """Write calibrations into the flash of the strips at a port, and read them back: the glove must be stopped, nothing else may hold the port."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from app.devices.ports import open_port
@@ -16,9 +17,7 @@ ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 
 
 def write(path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> list[str]:
     """Write by tracked point and verify; `strip_ids` are those that the recording told. Gives the points written; InputError where one cannot be."""
-    port = open_port(path)
-    try:
-        talk = _Talk(port)
+    with Talk.at(path) as talk:
         talk.ask(wire.Stop())
         talk.ask(wire.Identify())
         places = _places(talk.assembler, calibrations, strip_ids)
@@ -30,8 +29,6 @@ def write(path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapp
             if talk.assembler.calibrations.get((slot, sensor)) != message:
                 raise InputError(f"{point}: the strip did not keep what was written; write it again, or change the strip")
         return list(places)
-    finally:
-        port.close()
 
 
 def _places(assembler: Assembler, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]) -> dict[str, tuple[int, int]]:
@@ -56,8 +53,18 @@ def _over(kept: wire.StripCalibration, found: ImuCalibration) -> ImuCalibration:
     return ImuCalibration({**before.matrix, **found.matrix}, {**before.bias, **found.bias})
 
 
-class _Talk:
+class Talk:
     """One question after the other over an open port."""
+
+    @staticmethod
+    @contextmanager
+    def at(path: str) -> "Iterator[Talk]":
+        """With the glove at a port that nothing else holds; it is closed at the end."""
+        port = open_port(path)
+        try:
+            yield Talk(port)
+        finally:
+            port.close()
 
     def __init__(self, port: Any) -> None:
         self.assembler, self._port, self._encoder = Assembler(), port, Encoder()
