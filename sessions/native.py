@@ -15,6 +15,7 @@ from estimators.hand_anatomy import FINGERS, HANDS, Hand
 from estimators.hand_geometry import measures_from, sized
 from estimators.magnet_plate import plate_from
 from estimators.samples import Block, Event, join
+from sessions import force_calibrations
 from sessions.recorder import FORMAT_VERSION
 from sessions.recording import LoadedRecording
 from sessions.recording_file import Findings, messages
@@ -61,7 +62,8 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
     With `correct` false the samples are what the sensors read, not corrected by their strips' calibrations.
     """
     contents = read(path)
-    assembler, parts = Assembler(correct=correct, exchanged=_exchanged(contents.metadata)), _Parts()
+    kept = force_calibrations.of_recording(contents.metadata)
+    assembler, parts = Assembler(correct=correct, exchanged=_exchanged(contents.metadata), kept_forces=kept), _Parts()
     for k in range(0, len(contents.wire), TOGETHER):
         parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
     side = _hand(contents.metadata, assembler.identity, hand)

@@ -7,17 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.words import counted, require_file, say
+from app.commands.words import counted, default_data, output_folder, require_file, say
+from app.devices import force_strip
 from app.options import help_text, parse, with_options
 from estimators.errors import InputError
 from estimators.force.sensor import AXES, Solved, SolveParams, solve
 from estimators.force.setup import ForceSetup, table_of
 from estimators.hand_anatomy import FINGERS
 from estimators.quaternions import Array
+from sessions import force_calibrations
+from sessions.force_calibrations import SETUP
 from sessions.load_table import LoadTable, load_table
 from sessions.writing import save_file
 
-SETUP = "ForceSetup"
 USUAL = 0.025  # share by which forces of a sensor without this are taken to be wrong: `force_scale` of fingertip_forces.py
 
 
@@ -27,24 +29,41 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="FILE.json", help="write ForceSetup there; where there is such a file or sidecar the rest of it stays"
     )
+    parser.add_argument(
+        "--keep",
+        metavar="PORT",
+        help="keep it for the strip of the glove at this port: applied to what it sends in every live session from now on, and in its recordings",
+    )
+    parser.add_argument("--data", type=Path, default=default_data(), metavar="DIR", help="data folder of --keep (%(default)s)")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option, see below; may be repeated")
     parser.epilog = f"options:\n{help_text(SolveParams)}\n\nThe table is described in docs/calibration.md."
 
 
 def run(arguments: argparse.Namespace) -> int:
     params = with_options(SolveParams, parse(arguments.option))
-    before = _before(arguments.out) if arguments.out else {}
+    out, point = arguments.out, f"{arguments.finger}_tip_force"
+    before = _before(out) if out else {}
     table = load_table(arguments.table, params.gravity)
     solved = solve(params, table.raw, table.loads, [f"line {line}" for line in table.lines])
     for line in _told(table, solved):
         say(line)
-    if arguments.out:
-        turn = solved.turn_sd if table.by_accelerometer else None
-        entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)) | _known(table, solved)
-        setups = {**before.get(SETUP, {}), f"{arguments.finger}_tip_force": entry}
-        save_file((json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), arguments.out)
-        say(f"{SETUP} of {arguments.finger}_tip_force: {arguments.out}")
+    turn = solved.turn_sd if table.by_accelerometer else None
+    entry = table_of(ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)) | _known(table, solved)
+    if out:
+        _write(out, before, point, entry)
+        say(f"{SETUP} of {point}: {out}")
+    if arguments.keep:
+        strip = force_strip.strip_of(arguments.keep, point, solved.calibration)
+        place = force_calibrations.path_of(arguments.data, strip)
+        output_folder(place.parent)
+        _write(place, _before(place), point, entry)
+        say(f"kept for strip {strip:x}, {point}: {place}; live sessions that begin from now on apply it")
     return 0
+
+
+def _write(path: Path, before: dict[str, Any], point: str, entry: dict[str, Any]) -> None:
+    setups = {**before.get(SETUP, {}), point: entry}
+    save_file((json.dumps({**before, SETUP: setups}, indent=2, ensure_ascii=False) + "\n").encode(), path)
 
 
 def _before(path: Path) -> dict[str, Any]:

@@ -52,6 +52,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.json",
         help="what `calibrate-force` found: the force sensors send what they read, and the glove tells the calibration",
     )
+    parser.add_argument("--untold", action="store_true", help="with --force-setup: the glove keeps no calibration and tells none")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--task", metavar="T", help=f"what the built-in patient does over and over: {', '.join(tasks.TASKS)}; without it, what it is told"
@@ -83,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     flash = Flash() if arguments.replay else delivered(wearer.streams, np.random.default_rng([arguments.seed, 1]))
     if arguments.force_setup:
-        flash.forces = _forces(arguments.force_setup, wearer)
+        flash.forces, flash.tells_forces = _forces(arguments.force_setup, wearer), not arguments.untold
     script = terminal.Script(_actions(arguments, [s.name for s in wearer.streams]))
     faults = Faults(FaultParams(**{n: getattr(arguments, n) for n in ("loss", "repeat", "corrupt", "garbage", "delay")}), rng)
     say(f"{wearer.hand} glove with {', '.join(s.name for s in wearer.streams)} at {arguments.pty}")

@@ -19,6 +19,7 @@ from typing import Any, cast
 
 from app.devices.pipes import Kind, frames_that_wait, write_frame
 from estimators.samples import Block, Event
+from sessions import force_calibrations
 from sessions.wire import messages as wire
 from sessions.wire.assembly import Assembler
 from sessions.wire.framing import Encoder
@@ -41,7 +42,7 @@ class Glove:
 
     def __init__(self, port: str, recording: Path, metadata: Mapping[str, Any], on_blocks: Callable[[list[Block]], object]) -> None:
         self.recording, self._port, self._metadata, self._on_blocks = recording, port, metadata, on_blocks
-        self.assembler = Assembler()
+        self.assembler = Assembler(kept_forces=force_calibrations.of_recording(metadata))
         self.state = GloveState()
         self.decoding_failures = 0
         self._worn_on: Mapping[str, str] | None = None  # to be told to the assembler with the next chunk

@@ -18,7 +18,7 @@ from app.results import load_replay
 from estimators.errors import InputError
 from estimators.hand_geometry import HandGeometry, measures_from, sized
 from estimators.methods import METHODS
-from sessions import records
+from sessions import force_calibrations, records
 from sessions.self_calibrations import USED_BY
 from sessions.store import Store
 from sessions.tables import PatientSession, Result
@@ -139,7 +139,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
         raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
     module = METHODS[method]
     params = with_options(module.Params, options)
-    protocols, faults = offered(data)
+    protocols, faults, kept = *offered(data), force_calibrations.kept(data)
     functional = getattr(params, "functional", False) and params.alignment != "heading"
     steps = tuple(load_steps().values()) if functional else ()
     free = load_free() if method in USED_BY else None
@@ -160,7 +160,7 @@ def live_setup(method: str, options: Mapping[str, Any], data: Path) -> MakeSetup
             faults=tuple(faults),
             steps=steps,
             free=free,
-            about={"session": session.id, "pseudonym": pseudonym},
+            about={"session": session.id, "pseudonym": pseudonym, **kept},
         )
 
     return make

@@ -14,6 +14,7 @@ from estimators.calibration_quality import JointQuality
 from estimators.functional_steps import Piece
 from estimators.hand_anatomy import SEGMENTS
 from estimators.measures import repetitions, tapping
+from estimators.samples import FORCE
 
 if TYPE_CHECKING:
     from app.live.station import Station
@@ -236,6 +237,7 @@ def _glove(station: "Station", facts: Facts, problem: str) -> dict[str, Any]:
         "firmware": a.identity.firmware if a.identity else None,
         "battery": a.status.battery_percent if a.status else None,
         "strips": _strips(station),
+        "forces": _forces(station),
         "measured": [s for s in SEGMENTS if s in facts.measured],
         "frames_lost": a.counters.lost,
         "frames_corrupt": a.counters.corrupt,
@@ -273,6 +275,13 @@ def _strips(station: "Station") -> list[dict[str, Any]]:
             }
         )
     return told
+
+
+def _forces(station: "Station") -> list[dict[str, Any]]:
+    """Fingers whose tips have a force sensor, and to what share of itself a force is known where that was calibrated."""
+    felt = [(s, point) for _, s in sorted(station.glove.assembler.streams.items()) if FORCE in s.quantities for point in s.sensors]
+    known = [(point.removesuffix("_tip_force"), s.scale_sd.get(point)) for s, point in felt]
+    return [{"finger": finger, "percent": None if share is None else float(f"{100 * share:.2g}")} for finger, share in known]
 
 
 def _calibration(c: Calibration | None, joints: list[JointQuality]) -> dict[str, Any] | None:

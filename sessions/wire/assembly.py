@@ -18,8 +18,9 @@ from estimators.hand_anatomy import CHAINS
 from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
 from estimators.magnet_plate import Plate
 from estimators.quaternions import Array
-from estimators.samples import FORCE, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
+from estimators.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
 from sessions.clock_mapping import ClockMap
+from sessions.force_calibrations import Kept
 from sessions.wire import force_told
 from sessions.wire.force_told import ForceTold
 from sessions.wire.framing import Counters, Decoder
@@ -67,6 +68,7 @@ class Assembler:
     replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
     forces: dict[tuple[int, int], ForceTold] = field(default_factory=dict)  # calibrations of force sensors
+    kept_forces: Kept = field(default_factory=dict)  # of strips that tell none
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
     mounting: dict[str, Array] = field(default_factory=dict)  # nominal q_BS (4,) by tracked point, as the strips tell
     plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, as the glove tells
@@ -252,9 +254,9 @@ class Assembler:
                 name += f"_slot{info.slot}"
             calibrations = [correction_of(m) for m in told]
             scales = {q: imu_calibration.reach(calibrations, q, f) for q, f in zip(info.quantities, info.full_scale) if f > 0}
-            forces = self._forces_of(strip, info)
+            forces, applied = self._forces_of(strip, info)
             known = {p: f for p, f in zip(strip.points, forces) if f is not None}
-            if known and strip.raw and self.correct:
+            if known and applied:
                 scales = {q: f for q, f in scales.items() if q not in (FORCE, TORQUE)}  # a limit is of what was sent
             scale_sd, turn_sd = {p: f.scale_sd for p, f in known.items()}, {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None}
             stream = Stream(name, strip.points, info.quantities, info.rate, f"clock{info.clock}", scales, scale_sd, turn_sd)
@@ -264,7 +266,7 @@ class Assembler:
             if before is None or (before.stream, before.info, before.told, before.forces) != (stream, info, told, forces):
                 correction = imu_calibration.correction(calibrations, info.quantities) if calibrations else None
                 limits = np.repeat([SATURATION * stream.full_scale.get(q, np.inf) for q in stream.quantities], 3)
-                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits, forces, strip.raw and self.correct)
+                self._readings[number] = _Reading(self.streams[number], info, told, correction, limits, forces, applied)
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
         """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
@@ -276,10 +278,12 @@ class Assembler:
         told = tuple(self.calibrations.get(key, StripCalibration(*key)) for key in keys)
         return () if all(correction_of(c).trivial for c in told) else told
 
-    def _forces_of(self, strip: Strip, info: StreamInfo) -> tuple[ForceTold | None, ...]:
-        """What is told of each force sensor of a stream, empty where none is."""
+    def _forces_of(self, strip: Strip, info: StreamInfo) -> tuple[tuple[ForceTold | None, ...], bool]:
+        """What is known of each force sensor of a stream, empty where nothing is, and whether samples are still to be corrected by it."""
         told = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
-        return told if FORCE in info.quantities and any(told) else ()
+        kept = () if any(told) else force_told.of_kept(self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points)
+        found = told if any(told) else kept
+        return (found, self.correct and (strip.raw or found is kept)) if FORCE in info.quantities and any(found) else ((), False)
 
     def _sampled(self, samples: Samples, arrival: float) -> "Iterable[_Burst]":
         reading = self._readings.get(samples.stream) if samples.stream in self.streams and samples.stream in self.infos else None
@@ -389,6 +393,6 @@ def _degrees(value: str) -> float | str:
 
 
 def _label(points: tuple[str, ...]) -> str:
-    """What people call the strip: its finger, or its only point."""
+    """What people call the strip: its finger, its only point, or where it is worn."""
     fingers = {point.split("_")[0] for point in points}
-    return fingers.pop() if len(fingers) == 1 else "_".join(points)
+    return fingers.pop() if len(fingers) == 1 else "fingertips" if set(points) <= set(FORCE_POINTS) else "_".join(points)

@@ -1,11 +1,12 @@
 """What a strip's flash says of a force sensor: the message, its payload, and how the samples of a raw strip are corrected by it."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.force.setup import ForceSetup
 from estimators.quaternions import Array
 from estimators.samples import FORCE, SATURATION, TORQUE
 
@@ -42,8 +43,20 @@ def read_force(p: bytes) -> ForceTold:
     return ForceTold(slot, sensor, scale, None if np.isnan(turn) else turn, numbers[:axes], numbers[axes:])
 
 
+def of_kept(kept: Mapping[str, ForceSetup], slot: int, points: Sequence[str]) -> tuple[ForceTold | None, ...]:
+    """What the strip would tell of each sensor, had it a flash, from calibrations that are kept for it elsewhere."""
+    return tuple(_of_setup(kept[point], slot, k) if point in kept else None for k, point in enumerate(points))
+
+
+def _of_setup(setup: ForceSetup, slot: int, sensor: int) -> ForceTold | None:
+    c = setup.calibration
+    if c is None or c.matrix.shape not in ((3, 3), (6, 6)):
+        return None
+    return ForceTold(slot, sensor, setup.scale_sd, setup.turn_sd, tuple(map(float, c.offset)), tuple(map(float, c.matrix.ravel())))
+
+
 def corrected(values: Array, quantities: Sequence[str], full_scale: Sequence[float], told: Sequence[ForceTold | None]) -> Array:
-    """Samples (n, sensors, axes) of a raw strip as loads: infinite where one was at its full scale (0 = not known), NaN where the torques that it needs
+    """Samples (n, sensors, axes) of a raw strip as loads: infinite where one was at its full scale (0 = not known), told of or not, NaN where the torques that it needs
     are sent apart.
     """
     made = values.copy()
@@ -51,6 +64,8 @@ def corrected(values: Array, quantities: Sequence[str], full_scale: Sequence[flo
     limit = {quantity: SATURATION * most for quantity, most in zip(quantities, full_scale) if most > 0}
     for k, one in enumerate(told):
         if one is None:
+            sizes = np.repeat([limit.get(quantity, np.inf) for quantity in quantities], 3)
+            made[:, k] = np.where(np.abs(values[:, k]) >= sizes, np.inf, values[:, k])
             continue
         wanted = (FORCE, TORQUE)[: one.axes // 3]
         columns = [first[quantity] + axis for quantity in wanted if quantity in first for axis in range(3)]

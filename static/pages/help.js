@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { t } from "../words/words.js";
 
 const STEPS = ["patient", "begin", "connect", "pose", "tasks", "finish", "report"];
-const TOPICS = ["ladder", "pause", "review", "progress", "together", "clock", "own", "keys"];
+const TOPICS = ["ladder", "magnet", "force", "pause", "review", "progress", "together", "clock", "own", "keys"];
 const TROUBLES = ["silent", "pose", "hand", "lost", "disk"];
 
 export function mount(root, api, { title }) {

@@ -1,13 +1,15 @@
 /** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
 import { h, whenChanged } from "../dom.js";
-import { t, whole } from "../words/words.js";
+import { decimal, known, t, whole } from "../words/words.js";
 
 const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
+const BESIDE = { trunk: "trunk", trunk_mag: "trunk_mag", fingertips_force: "force" }; // streams of other strips
 const UNKNOWN_BATTERY = 255;
 
 export function mount(root, api, { station }) {
   const state = h("span", { class: "badge" });
   const lead = h("p", { class: "small soft" });
+  const felt = h("div", { class: "small soft" });
   const rows = h("tbody", {});
   const attention = h("ul", { class: "small" });
   const columns = ["glove.strip", "glove.rate", "glove.lost"].map((word) => h("th", { scope: "col" }, t(word)));
@@ -18,6 +20,7 @@ export function mount(root, api, { station }) {
     lead,
     attention,
     h("table", { class: "compact" }, h("thead", {}, h("tr", {}, columns)), rows),
+    felt,
   );
   root.append(box);
 
@@ -31,7 +34,10 @@ export function mount(root, api, { station }) {
     },
   );
   const drawRows = whenChanged(
-    ({ glove }) => STRIPS.map((strip) => row(glove, strip)),
+    ({ glove }) => [
+      ...STRIPS.map((strip) => row(glove, strip)),
+      ...glove.strips.filter((strip) => strip.name in BESIDE).map(beside),
+    ],
     (told) =>
       rows.replaceChildren(
         ...told.map(([words, cells]) =>
@@ -45,15 +51,17 @@ export function mount(root, api, { station }) {
       ),
   );
   const drawLead = whenChanged(
-    ({ glove }) => [glove.name, glove.firmware, glove.battery],
-    ([name, firmware, battery]) =>
-      (lead.textContent = [
+    ({ glove }) => [glove.name, glove.firmware, glove.battery, glove.forces],
+    ([name, firmware, battery, forces]) => {
+      lead.textContent = [
         name,
         firmware && t("glove.firmware", { firmware }),
         battery !== null && battery !== UNKNOWN_BATTERY && t("glove.battery", { battery }),
       ]
         .filter(Boolean)
-        .join(", ")),
+        .join(", ");
+      felt.replaceChildren(...forceWords(forces).map((words) => h("p", {}, words)));
+    },
   );
   const open = whenChanged(
     ({ wizard }) => wizard.state === "connect",
@@ -64,6 +72,22 @@ export function mount(root, api, { station }) {
 }
 
 const found = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
+
+/** A stream's strip in words. */
+const called = (name) => known(`strip.${BESIDE[name] ?? name}`, name);
+
+/** The same of a strip that the hand's segments do not wear. */
+const beside = ({ name, rate, lost }) => [called(name), [t("unit.per_second_of", { rate: Math.round(rate) }), whole(lost)]];
+
+/** Which fingertips feel forces, and whether their sensors were calibrated. */
+function forceWords(forces) {
+  const fingers = (some) => some.map(({ finger }) => t(`strip.${finger}`)).join(", ");
+  const [sure, unsure] = [forces.filter((f) => f.percent !== null), forces.filter((f) => f.percent === null)];
+  return [
+    sure.length && t("glove.forces.calibrated", { fingers: fingers(sure), percent: decimal(Math.max(...sure.map((f) => f.percent)), 1) }),
+    unsure.length && t("glove.forces.uncalibrated", { fingers: fingers(unsure) }),
+  ].filter(Boolean);
+}
 
 /** Name, and rate and losses of a strip, or that there is none. */
 function row(glove, strip) {
@@ -76,8 +100,8 @@ function row(glove, strip) {
 /** What needs attention. */
 function notes(glove) {
   const missing = STRIPS.filter((strip) => !found(glove, strip)).map((strip) => t(`strip.${strip}`));
-  const lost = glove.strips.filter((s) => s.lost > 0).map((s) => s.name);
-  const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => s.name);
+  const lost = glove.strips.filter((s) => s.lost > 0).map((s) => called(s.name));
+  const saturated = glove.strips.filter((s) => s.saturated > 0).map((s) => called(s.name));
   return [
     missing.length && glove.flowing && t("glove.missing", { strips: missing.join(", ") }),
     lost.length && t("glove.losing", { strips: lost.join(", ") }),

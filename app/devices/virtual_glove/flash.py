@@ -36,10 +36,11 @@ class Flash:
     errors: dict[str, list[ImuCalibration]] = field(default_factory=dict)  # what would remove the sensors' true errors
     kept: dict[str, list[ImuCalibration]] = field(default_factory=dict)
     forces: dict[str, ForceSetup] = field(default_factory=dict)  # by point, of force sensors that send what they read
+    tells_forces: bool = True  # False: whoever reads them has to know
 
     def is_raw(self, stream: Stream) -> bool:
         """Whether the strip leaves it to the host to correct what it sends."""
-        return stream.name in self.kept or (FORCE in stream.quantities and bool(self.forces))
+        return stream.name in self.kept or (FORCE in stream.quantities and bool(self.forces) and self.tells_forces)
 
     def full_scale(self, stream: Stream) -> dict[str, float]:
         """Of what is sent: that of force sensors is the largest reading under all loads that they can tell."""
@@ -69,7 +70,7 @@ class Flash:
 
     def told(self, stream: Stream, slot: int) -> list[StripCalibration | ForceTold]:
         """The messages that say what is kept for a strip."""
-        if FORCE in stream.quantities and self.forces:
+        if FORCE in stream.quantities and self.forces and self.tells_forces:
             return [_message(self.forces[point], slot, k) for k, point in enumerate(stream.sensors)]
         return [message_of(c, slot, k) for k, c in enumerate(self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors)))]
 

@@ -10,7 +10,15 @@ from tests.app.language.sentences import Sentence, sentences
 
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 COMMAND_LINE = (
-    *("app/benchmarks", "app/cohort.py", "app/commands", "app/devices/strip_flash.py", "app/devices/virtual_glove", "app/metrics.py"),
+    *(
+        "app/benchmarks",
+        "app/cohort.py",
+        "app/commands",
+        "app/devices/force_strip.py",
+        "app/devices/strip_flash.py",
+        "app/devices/virtual_glove",
+        "app/metrics.py",
+    ),
     *(
         "app/qualisys.py",
         "app/reproduce",

@@ -1,0 +1,33 @@
+"""Which strip of the glove at a port has a fingertip's force sensor, and whether a calibration that is kept here can be applied to it."""
+
+from app.devices.strip_flash import Talk
+from estimators.errors import InputError
+from estimators.force.sensor import ForceCalibration
+from estimators.samples import FORCE
+from sessions.wire import messages as wire
+from sessions.wire.assembly import Assembler
+
+
+def strip_of(path: str, point: str, found: ForceCalibration) -> int:
+    """Stop the glove and give the strip's number; InputError where none has the sensor, or it is another kind of sensor."""
+    with Talk.at(path) as talk:
+        talk.ask(wire.Stop())
+        talk.ask(wire.Identify())
+        return fitting(talk.assembler, point, found)
+
+
+def fitting(assembler: Assembler, point: str, found: ForceCalibration) -> int:
+    """The number of the strip with this sensor, of a glove that has said what it has; InputError as above."""
+    strip = next((s for s in assembler.strips.values() if point in s.points), None)
+    if strip is None:
+        raise InputError(f"{point}: no strip with this sensor is plugged in; plug in the strip that was calibrated and run this again")
+    if any((strip.slot, k) in assembler.forces for k in range(len(strip.points))):
+        raise InputError(f"{point}: this strip tells a calibration of its own, which is applied; no other is kept beside it")
+    sent = [i.quantities for i in assembler.infos.values() if i.slot == strip.slot and FORCE in i.quantities]
+    axes = 3 * len(sent[0]) if sent else 0
+    rows, channels = found.matrix.shape
+    if rows != channels or channels > axes:
+        raise InputError(
+            f"{point}: {channels} channels were calibrated, this strip sends {axes}; calibrate what the glove sends, in its order"
+        )
+    return strip.strip_id

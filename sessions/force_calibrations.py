@@ -1,0 +1,47 @@
+"""Calibrations of force sensors whose glove keeps none, kept by strip in the data folder and written into every recording that begins.
+
+A file a strip, `force_calibrations/STRIP_ID.json`, with the `ForceSetup` of `handscope calibrate-force`. A recording holds what was kept when it began
+(`force_setups` of its metadata), so that it opens with the forces that were shown live.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from estimators.errors import InputError
+from estimators.force.setup import ForceSetup, setups_from, table_of
+
+FOLDER = "force_calibrations"  # in the data folder
+SETUP, SETUPS = "ForceSetup", "force_setups"  # in a file, by point; in a recording, by strip and point
+Kept = Mapping[str, Mapping[str, ForceSetup]]  # by strip_id in hexadecimal, then by tracked point
+
+
+def path_of(data: Path, strip_id: int) -> Path:
+    """Where the calibrations of a strip are kept."""
+    return data / FOLDER / f"{strip_id:x}.json"
+
+
+def kept(data: Path) -> dict[str, Any]:
+    """The metadata with which a recording begins, empty where nothing is kept; InputError names a file that cannot be read."""
+    found = {path.stem: _read(path) for path in sorted((data / FOLDER).glob("[!.]*.json"))}
+    return {SETUPS: found} if found else {}
+
+
+def of_recording(metadata: Mapping[str, Any]) -> Kept:
+    """What a recording's metadata holds; InputError where that cannot be read."""
+    told = metadata.get(SETUPS) or {}
+    if not isinstance(told, Mapping) or not all(isinstance(table, Mapping) for table in told.values()):
+        raise InputError("the recording's calibrations of force sensors are no tables by strip; it cannot be opened")
+    return {strip: setups_from(table) for strip, table in told.items()}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """By point, what turns readings to forces; how sure each number is stays in the file."""
+    try:
+        return {point: table_of(setup) for point, setup in setups_from(json.loads(path.read_text("utf-8"))[SETUP]).items()}
+    except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
+        said = problem if isinstance(problem, InputError) else "it is no ForceSetup"
+        raise InputError(
+            f"the calibration of force sensors in {path.name} cannot be read ({said}); calibrate them again or remove it"
+        ) from None
