@@ -27,6 +27,7 @@ NORMALISED = "normalised"  # to the strength of the field where the array was ca
 MAINS = (50.0, 60.0)  # Hz
 STANDS_OUT = 5.0  # times the spectrum beside it
 FEWEST_READ = 20  # readings: an axis that gives so many equal ones while others change does not answer
+MOVED = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
 STUCK = 3  # equal largest readings in a row are a limit
 
 
@@ -54,6 +55,15 @@ class Turned:
         return np.stack(
             [(-1.0 if flip else 1.0) * s.corrected(mag[:, k]) for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))], axis=1
         )
+
+
+@dataclass(frozen=True)
+class Still:
+    """What an array that stands still reads without the magnet."""
+
+    read: Array  # (magnetometers, 3) T, in each one's axes
+    apart: Array  # (magnetometers, 3) T, the same, more than all on average: iron of the board and of the room, offsets
+    left: float  # T by which that changed
 
 
 @dataclass(frozen=True)
@@ -130,6 +140,38 @@ def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
     alike = quat.rotate(common.q_1l, common.signs[:, None] * own)[good]
     off = alike - alike.mean(axis=1, keepdims=True)
     return Turned(spheres, common.mirrored, common.q_1l, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)))
+
+
+def still(mag: Array, q_bl: Array | None) -> Still:
+    """What magnetometers (n, magnetometers, 3) T of an array that stands still read without the magnet; InputError where that changes."""
+    y = mag if q_bl is None else quat.rotate(q_bl, mag)
+    first, last = (_apart(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
+    change = (last - first)[np.isfinite(last - first)]
+    if not len(change):
+        raise InputError("The recording without the magnet holds too little: record the array for some seconds while it stands still.")
+    drift, steps = float(np.sqrt((change**2).mean())), np.diff(y - _mean(y, 1)[:, None], axis=0)
+    noise = float(np.sqrt((steps[np.isfinite(steps)] ** 2).mean() / 2)) if np.isfinite(steps).any() else 0.0
+    if drift > max(MOVED, 6 * noise * float(np.sqrt(4 / len(y)))):
+        raise InputError(
+            f"Without the magnet the magnetometers changed against each other by {1e6 * drift:.2g} uT: the magnet was there, or the array was moved. "
+            "Record the array where it stands, with the magnet far away."
+        )
+    apart = _apart(y)
+    apart = apart if q_bl is None else quat.rotate(quat.conjugate(q_bl), apart)
+    return Still(_mean(mag, 0), apart, float(np.hypot(drift / 2, noise / np.sqrt(len(y)))))
+
+
+def _apart(y: Array) -> Array:
+    """What each (magnetometers, 3) reads more than all on average; NaN of those that never answer."""
+    each = _mean(y, 0)
+    return np.asarray(each - _mean(each, 0))
+
+
+def _mean(y: Array, axis: int) -> Array:
+    """Of what is known, NaN where nothing is."""
+    known = np.isfinite(y)
+    many = known.sum(axis=axis)
+    return np.where(many > 0, np.where(known, y, 0.0).sum(axis=axis) / np.maximum(many, 1), np.nan)
 
 
 def looked(t: Array, mag: Array, limit: float | None) -> Looked:

@@ -11,7 +11,7 @@ from app.commands.words import say
 from estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, magnet_uneven
 from estimators import quaternions as quat
 from estimators.errors import InputError
-from estimators.magnet_array import Turned
+from estimators.magnet_array import Still, Turned
 from estimators.magnet_late import TOLD
 from estimators.magnet_localisation import Located
 from estimators.magnet_search import Search, Searched
@@ -56,6 +56,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--turned", type=Path, metavar="RECORDING", help="the same array turned by hand in all directions far from magnets: calibrates it"
     )
     parser.add_argument(
+        "--without",
+        type=Path,
+        metavar="RECORDING",
+        help="the same array where it stands, without the magnet: what differs between magnetometers there is taken off",
+    )
+    parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.tsv", help="write place, moment and field with standard deviations there"
     )
     parser.epilog = "docs/magnet-array.md has the formats"
@@ -77,7 +83,12 @@ def run(arguments: argparse.Namespace) -> int:
         told += _calibrated(array, found)
     else:
         left = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
-        told += [] if array.calibration_sd is not None else [_not_calibrated(left)]
+        told += [] if array.calibration_sd is not None or arguments.without else [_not_calibrated(left)]
+    if arguments.without:
+        empty = _read(arguments.without, array).mag
+        alone = magnet_array.still(found.corrected(empty) if arguments.turned else empty, q_bl)
+        left = _left_without(alone, mag, bool(arguments.turned)) if array.calibration_sd is None else array.calibration_sd
+        mag = mag - alone.apart
     guessed = left if not arguments.turned and array.calibration_sd is None else 0.0
     left = max(left, 1e-8)
     told += _slow(read)
@@ -124,6 +135,14 @@ def _read(path: Path, array: Described) -> Read:
         raise InputError(f"{path.name} has no magnetometer {missing[0]!r}; it has {', '.join(values) or 'none'}")
     each = [magnet_array.together(t, times[name], values[name]) if name in times else values[name] for name in array.names]
     return Read(t, np.stack(each, axis=1))
+
+
+def _left_without(alone: Still, mag: Array, turned: bool) -> float:
+    """What readings (n, magnetometers, 3) are off by, T, where offsets were taken off; of an array that nobody turned gains err by their share of what the magnet adds."""
+    added = mag - alone.read
+    added = added[np.isfinite(added).all(axis=2)]
+    gains = 0.0 if turned or not len(added) else GAIN * float(np.median(np.linalg.norm(added, axis=1))) / np.sqrt(3.0)
+    return float(np.hypot(alone.left, gains))
 
 
 def _gain_counted(located: Located, size_sd: float) -> Located:

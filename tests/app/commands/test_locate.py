@@ -128,6 +128,27 @@ def test_without_calibration_it_is_said(bench: tuple[Path, Path, Array, Array], 
     assert "not calibrated" in capsys.readouterr().out
 
 
+def test_what_differs_without_the_magnet_is_taken_off(bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]) -> None:
+    """Nobody turned the array; where it stands it was recorded alone."""
+    folder, board, B, p = bench
+    rng = np.random.default_rng(2)
+    for name, fields in (("magnet", B[::3]), ("alone", np.broadcast_to(homogeneous().earth, (60, 5, 3)))):
+        read = 1e4 * (fields + HARD + NOISE * rng.normal(size=fields.shape))
+        rows = np.column_stack([np.arange(len(read)) / RATE, read.reshape(len(read), -1)])
+        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=HEADER, comments="", fmt="%.7f")
+    assert not (_located(folder, board, turned=False)["found"] > 0.5).any()
+    words = ["locate", str(folder / "magnet.csv"), "--array", str(board), "--out", str(folder / "out.tsv"), "--without"]
+    assert main([*words, str(folder / "alone.csv")]) == 0
+    out = np.genfromtxt(folder / "out.tsv", names=True, delimiter="\t")
+    place, sd = (np.column_stack([out[a + end] for a in "xyz"]) for end in ("", "_sd"))
+    found = out["found"] > 0.5
+    assert found.mean() > 0.95 and np.median(np.linalg.norm(place - p[::3], axis=1)) < 0.003
+    assert (((place - p[::3]) / sd)[found] ** 2).mean() < 1.5
+    capsys.readouterr()
+    assert main([*words, str(folder / "magnet.csv")]) == 2
+    assert "the magnet was there" in capsys.readouterr().err
+
+
 def test_what_is_told_of_calibration_and_of_the_field_is_counted(
     bench: tuple[Path, Path, Array, Array], capsys: pytest.CaptureFixture[str]
 ) -> None:
