@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from estimators import magnet_setup, magnetometer_sphere
+from estimators import magnet_setup, magnet_smoothing, magnetometer_sphere
 from estimators import magnet_tracking as tracking
 from estimators import quaternions as quat
 from estimators.errors import InputError
@@ -85,6 +85,20 @@ def test_later_readings_make_the_way_smooth_and_nearer_and_no_surer_than_it_is(b
     assert state.x is not None
     np.testing.assert_allclose(track.p_bt[-1], filtered.p_bt[-1], atol=1e-12)
     np.testing.assert_allclose(track.p_sd[-1], filtered.p_sd[-1], rtol=1e-6)
+
+
+def test_a_long_recording_is_smoothed_in_pieces_as_it_is_in_one(
+    both: tuple[Motion, Setup, Readings, Track], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Readings up to a piece later are asked; what comes after that moves a place by less than a fifth of its standard deviation."""
+    _, setup, readings, _ = both
+    whole = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    monkeypatch.setattr(magnet_smoothing, "ROWS", 300)
+    pieces = smoothed(PARAMS, tracking.start(setup), readings)[1]
+    known = np.isfinite(whole.p_bt[:, 0])
+    assert (np.abs(pieces.p_bt - whole.p_bt) < 0.2 * whole.p_sd)[known].all()
+    np.testing.assert_allclose(pieces.p_sd[known], whole.p_sd[known], rtol=0.05)
+    np.testing.assert_array_equal(pieces.doubtful, whole.doubtful)
 
 
 def test_readings_behind_a_gap_say_nothing_of_what_was_before(both: tuple[Motion, Setup, Readings, Track]) -> None:
