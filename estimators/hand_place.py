@@ -20,7 +20,7 @@ from estimators.magnet_options import MagnetParams
 from estimators.magnet_plate import Plate
 from estimators.magnet_start import Setup
 from estimators.magnet_streams import HAND, Waiting
-from estimators.magnet_tracking import Track
+from estimators.magnet_tracking import Readings, Track
 from estimators.options import option
 from estimators.quaternions import Array
 from estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
@@ -122,12 +122,17 @@ def followed(s: Setting, blocks: Sequence[Block]) -> Places:
 
 def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracking.State, Track]:
     """What is made of a whole recording, and where the filter ends. InputError where the readings cannot be T."""
+    return magnet_smoothing.smoothed(s.params, magnet_tracking.start(s.setup), read(s, blocks))
+
+
+def read(s: Setting, blocks: Sequence[Block]) -> Readings:
+    """Of a whole recording. InputError where they cannot be T."""
     readings = magnet_streams.whole(s.magnetometers, blocks, s.params.patience)
     try:
         magnet_setup.require_field(readings.mag)
     except InputError as problem:
         raise InputError(f"{UNHEARD}: {problem}") from None
-    return magnet_smoothing.smoothed(s.params, magnet_tracking.start(s.setup), readings)
+    return readings
 
 
 def joined(pieces: Sequence[Places]) -> Places:

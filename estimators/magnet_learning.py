@@ -54,7 +54,7 @@ def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mount
         raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
     if len(s.magnetometers) < 2:
         raise InputError(f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more.")
-    state, track = hand_place.tracked(s, blocks)
+    state, track = magnet_tracking.step(s.params, magnet_tracking.start(s.setup), hand_place.read(s, blocks))
     doubtful, sd = track.doubtful, track.p_sd
     if state.x is None or not len(sd):
         raise InputError(f"{REFUSED}: trunk, hand and magnetometers were never read at the same time.")
