@@ -13,6 +13,7 @@ from estimators.quaternions import Array
 
 PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
 ISO = "iso"
+IN_TURN = "in turn"  # told as `sensor`: rows are those of one magnetometer after the other, in the order of the array's file
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
 ENTRIES = (
     "unit",

@@ -17,7 +17,7 @@ import numpy as np
 from estimators.errors import InputError
 from estimators.quaternions import Array
 from sessions.array_cells import MISSING, Line, is_number, lines_in, number_in, opened, spread, without_end
-from sessions.array_description import ISO, Column, Described, Timing
+from sessions.array_description import IN_TURN, ISO, Column, Described, Timing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
 AXES = ("_x", "_y", "_z")
@@ -38,12 +38,13 @@ class Columns:
     t: int | None
     axes: Mapping[str, tuple[int, int, int]]
     own: Mapping[str, int]  # times of those that have their own
-    whose: int | None = None  # the name, where every row is one magnetometer's; then all have the same axes
+    whose: int | None = None  # the name, where every row is one magnetometer's
+    single: bool = False  # every row is one magnetometer's; all have the same axes
 
     @property
     def all(self) -> list[int]:
         leading = [k for k in (self.t, self.whose) if k is not None]
-        each = list(self.axes.values()) if self.whose is None else list(self.axes.values())[:1]
+        each = list(self.axes.values())[:1] if self.single else list(self.axes.values())
         return [*leading, *self.own.values(), *(k for three in each for k in three)]
 
 
@@ -62,7 +63,7 @@ def table(path: Path, told: Described) -> Table:
         names = [name + axis for name, three in zip(header, wide) for axis in (AXES if three else ("",))]
         columns = _columns(path.name, [] if bare else names, len(names), told)
         rows = _rows(path.name, _again(second, lines), wide if any(wide) else [], len(header), columns, told)
-    if columns.whose is not None:
+    if columns.single:
         return _by_magnetometer(path.name, rows, columns, told)
     t, times = _times(path.name, rows, columns, told.time)
     where = {k: i for i, k in enumerate(columns.all)}
@@ -107,12 +108,13 @@ def _columns(file: str, header: Sequence[str], many: int, told: Described) -> Co
 def _of_long(file: str, header: Sequence[str], many: int, told: Described, place: Mapping[Column, int], time: int | None) -> Columns:
     """Where every row is one magnetometer's: whose stands in a column of its own."""
     asked = told.columns[told.names[0]]
-    x, y, z, whose = (place.get(column) for column in (*asked, told.sensor) if column is not None)
-    if x is None or y is None or z is None or whose is None:
+    x, y, z = (place.get(column) for column in asked)
+    whose = None if told.sensor in (None, IN_TURN) else place.get(told.sensor)
+    if x is None or y is None or z is None or (whose is None and told.sensor != IN_TURN):
         raise InputError(
             f"{file} lacks one of the columns {', '.join(map(str, asked))} and {told.sensor}, told as `columns` and `sensor`; it has {_some(header, many)}"
         )
-    return Columns(time, dict.fromkeys(told.names, (x, y, z)), {}, whose)
+    return Columns(time, dict.fromkeys(told.names, (x, y, z)), {}, whose, True)
 
 
 def _some(header: Sequence[str], many: int) -> str:
@@ -167,8 +169,12 @@ def _times(file: str, rows: Array, columns: Columns, time: Timing) -> tuple[Arra
 
 def _by_magnetometer(file: str, rows: Array, columns: Columns, told: Described) -> Table:
     """Rows (n, k) that are each one magnetometer's; its times are the table's where all have the same, else each has its own."""
-    whose = columns.all.index(columns.whose) if columns.whose is not None else 0
-    parts = {name: rows[rows[:, whose] == k] for k, name in enumerate(told.names)}
+    if len(rows) % len(told.names) and columns.whose is None:
+        raise InputError(
+            f"{file} has {len(rows)} rows, no multiple of the array's {len(told.names)} magnetometers: one is missing, or they do not come in turn"
+        )
+    whose = np.arange(len(rows)) % len(told.names) if columns.whose is None else rows[:, columns.all.index(columns.whose)]
+    parts = {name: rows[whose == k] for k, name in enumerate(told.names)}
     if missing := [name for name, part in parts.items() if not len(part)]:
         raise InputError(f"{file} has no magnetometer {missing[0]!r} in its column {told.sensor!r}")
     readings = {name: part[:, -3:] for name, part in parts.items()}

@@ -257,6 +257,20 @@ def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path
         described(tmp_path / "b.json")
 
 
+def test_rows_of_one_magnetometer_after_the_other_need_no_name(tmp_path: Path) -> None:
+    """As a bench writes them that prints x, y and z of all chips in turn, and an empty line."""
+    each = {name: {"place": [k, 0, 0]} for k, name in enumerate("ab")}
+    told = {"unit": "mG", "rate": 10, "sensor": "in turn", "columns": [1, 2, 3], "magnetometers": each}
+    (tmp_path / "a.json").write_text(json.dumps(told))
+    (tmp_path / "a.txt").write_text("1.0 2.0 3.0 \n4 5 6 \n\n7 8 9 \n10 11 12 \n\n")
+    read = array_table.table(tmp_path / "a.txt", described(tmp_path / "a.json"))
+    np.testing.assert_allclose(read.t, [0, 0.1])
+    np.testing.assert_array_equal(read.readings["b"], [[4, 5, 6], [10, 11, 12]])
+    (tmp_path / "a.txt").write_text("1 2 3\n4 5 6\n7 8 9\n")
+    with pytest.raises(InputError, match="3 rows, no multiple of the array's 2 magnetometers"):
+        array_table.table(tmp_path / "a.txt", described(tmp_path / "a.json"))
+
+
 def test_magnetometers_alone_are_a_motion_bids_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No inertial sensor, no hand, in gauss."""
     stem = tmp_path / "sub-01" / "motion" / "sub-01_task-reach_tracksys-mag"
