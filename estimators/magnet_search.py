@@ -22,7 +22,7 @@ from estimators.quaternions import Array
 
 AGAIN = 8  # rounds in which readings that are late are moved
 FEWEST, TAUGHT, TAKEN = 10, 200, 256  # readings that tell what errs alike, at least and at most; from which it is taken off at once
-SAMPLED, SPARE = 60, 9  # readings and axes above the unknowns of which the noise is asked
+SAMPLED, SPARE = 60, 9  # readings, and axes above the unknowns in all of them, of which the noise is asked
 LESS = 0.5  # of the noise that differences tell: so much less that they tell of movement
 CLOSE, MANY = 0.5, 0.3  # s, share of the readings that close by: what disturbs those draws these
 WIDE, MOST = 5.0, 0.5  # s, share of the readings around: then what agrees does so by chance
@@ -125,7 +125,7 @@ def _nowhere(n: int) -> Located:
 def _quieter(search: Search, size: float | None, size_sd: float, least: float) -> Search:
     """With the noise that places leave, where the magnet moves so much from one reading to the next that their differences tell of movement."""
     rows, chips = max(search.answering(), key=lambda alike: len(alike[0]))
-    if search.noise * LESS < least or 3 * len(chips) - UNKNOWNS < SPARE:
+    if search.noise * LESS < least or len(rows) * (3 * len(chips) - UNKNOWNS) < SPARE:
         return search
     sample = search.of(rows[:: -(-len(rows) // SAMPLED)]).by(chips)
     left = magnet_localisation.noise_left(sample.located(size, size_sd), len(chips))

@@ -36,8 +36,8 @@ def _stamped_late(late: Array) -> tuple[Array, Array, Array]:
     return t, mag + NOISE * rng.normal(size=mag.shape), at(t)[0]
 
 
-def _searched(t: Array, mag: Array, noise: float) -> Searched:
-    return magnet_search.searched(Search(t, mag, setup.constellation(PLACES), noise, 0.0), None, 0.03, CALIBRATION)
+def _searched(t: Array, mag: Array, noise: float, places: Array = PLACES) -> Searched:
+    return magnet_search.searched(Search(t, mag, setup.constellation(places), noise, 0.0), None, 0.03, CALIBRATION)
 
 
 def test_a_second_magnet_is_told_from_noise() -> None:
@@ -58,6 +58,16 @@ def test_movement_from_one_reading_to_the_next_is_no_noise() -> None:
     assert found.located.found.mean() > 0.9
     square = (((found.located.place - p) / found.located.place_sd) ** 2)[found.located.found]
     assert 0.5 < square.mean() < 1.5
+
+
+def test_a_few_places_before_five_magnetometers_tell_the_noise_too() -> None:
+    """One reading a place, as a bench without a robot has it."""
+    t, mag, p = _recorded(12, 1.0, second=False)
+    five = [0, 2, 4, 9, 11]
+    found = _searched(t, mag[:, five], 10e-6, PLACES[five])
+    np.testing.assert_allclose(found.search.noise, NOISE, rtol=0.4)
+    assert found.located.found.mean() > 0.9
+    assert (((found.located.place - p) / found.located.place_sd) ** 2).mean() < 1.5
 
 
 def test_magnetometers_that_answer_do_without_those_that_do_not() -> None:
