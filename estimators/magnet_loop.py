@@ -55,7 +55,7 @@ SLIGHT = 0.05  # share of a reading's variance that changes nothing
 LASTS = 1.0  # s for which the field of a magnet stays alike that is not heard well enough to be followed
 STRAIGHT = 0.3  # of the distance to the nearest magnetometer: a place known no better is not learnt from readings
 FOUND = 0.15  # of that distance: a lost one known no better is not found
-MEMORY = 0.5  # s over which surprises are averaged
+MEMORY, COUNTED = 0.5, 0.1  # s over which surprises are averaged; for which one reading counts at most, however long there was none
 LOST = 3.0  # mean normalised innovation squared at which the place is given up: no chance over half a second
 TURN_LOST = 20 * math.pi / 180
 ROAMED = 600.0  # s over which it is looked how far the field differs from place to place
@@ -83,7 +83,7 @@ def surprise(s: Sizes, x: Array, P: Array, way: Array, mag: Array) -> float:
     """Normalised innovation squared of the magnetometers' axes, a degree of freedom, of which some must have answered."""
     rows = 3 * len(mag)
     H, missed, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
-    compared(s, x, way, mag, 1.0, H, missed, noise)
+    compared(s, x, way, mag, 1.0 + bent(x, P) / s.mag**2, H, missed, noise)
     out: float = explained(P, missed, H, noise, np.empty((rows, len(P))), np.empty(len(P))) / answered(mag)
     return out
 
@@ -103,9 +103,9 @@ def heard(s: Sizes, x: Array, P: Array, way: Array, mag: Array, centre: Array, g
         dx, C, cost = sought(s, x, P, way, start, mag, grown)
     else:
         dx, C, cost = kept(s, x, P, way, mag, grown)
-        bent = curved(moved(x, dx), C, dt) / s.mag**2
-        if bent > SLIGHT:
-            dx, C, cost = kept(s, x, P, way, mag, grown + bent)
+        more = bent(moved(x, dx), C) * alike_for(C, dt) / s.mag**2
+        if more > SLIGHT:
+            dx, C, cost = kept(s, x, P, way, mag, grown + more)
     considered(way, P, dx, C)
     out: Array = moved(x, dx)
     left[0] = min(cost, less)
@@ -139,15 +139,21 @@ def best_of(s: Sizes, x: Array, P: Array, way: Array, starts: Array, mag: Array)
 
 
 @inlined
-def curved(x: Array, P: Array, dt: float) -> float:
-    """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says, as white noise: it stays alike as long as the place
-    errs alike, which is what it errs by over how fast it errs. Without it readings seem to tell what none of them does."""
-    place, speed, away = 0.0, 0.0, distance(x)
+def bent(x: Array, P: Array) -> float:
+    """Variance, T^2, by which the field at a place that is not exactly known is not what its slope says."""
+    away = distance(x)
+    by_place: float = BENDS * strength(x, away) / away**2 * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2]) / 3
+    return by_place**2 / 2  # of (e^2 - E e^2) / 2 the variance is half the square of e's
+
+
+@inlined
+def alike_for(P: Array, dt: float) -> float:
+    """Readings dt s apart in which a place errs alike: for what it errs by over how fast it errs. As white noise what is bent counts so many times; without
+    that readings seem to tell what none of them does."""
+    place, speed = 0.0, 0.0
     for i in range(3):
         place, speed = place + P[P_ + i, P_ + i], speed + P[V_ + i, V_ + i]
-    bent: float = BENDS * strength(x, away) / away**2 * place / 3  # of (e^2 - E e^2) / 2 the variance is half the square of e's
-    variance: float = bent**2 / 2 * max(1.0, math.sqrt(place / speed) / dt)
-    return variance
+    return max(1.0, math.sqrt(place / speed) / dt)
 
 
 @inlined
@@ -315,7 +321,7 @@ def followed(
                 x = heard(s, x, P, way, mags[n], centre, max(1.0, mood[SURPRISE] / s.doubt), since, left)
             if wide:  # before it was found nothing could be expected: what no place explains is a surprise
                 new, mood[UNTIL] = left[0] / count, SEARCHED * (1.0 - left[2])
-            mood[SURPRISE] += min(1.0, since / MEMORY) * (min(new, 100.0) - mood[SURPRISE])
+            mood[SURPRISE] += min(since, COUNTED) / MEMORY * (min(new, 100.0) - mood[SURPRISE])
             mood[OUT] = mood[OUT] + since if mood[SURPRISE] > LOST else 0.0
             if mood[OUT] > MEMORY:
                 forgotten(s, x, P, centre, TURN_LOST)

@@ -111,6 +111,17 @@ def test_readings_behind_a_gap_say_nothing_of_what_was_before(both: tuple[Motion
     np.testing.assert_allclose(together.p_sd[: len(alone)], alone.p_sd, rtol=1e-4)
 
 
+def test_magnetometers_that_fail_for_half_a_second_contradict_nothing() -> None:
+    """After a gap a place is known to centimetres, over which the field bends: the first reading was a surprise of a few times what was expected, and one
+    reading was enough for ten seconds of doubt."""
+    m = sim.condition("both", np.random.default_rng(14), 30.0)
+    setup, readings = _made(m)
+    mag = np.where(((m.t % 1.5 < 0.5) & (m.t > 2.0))[:, None, None], np.nan, readings.mag)
+    track = tracking.tracked(PARAMS, setup, replace(readings, mag=mag))
+    assert not track.doubtful.any()
+    assert np.sqrt((_off(m, track)[m.t > 5.0] ** 2).mean()) < 0.015
+
+
 def test_nothing_depends_on_where_blocks_are_cut(both: tuple[Motion, Setup, Readings, Track]) -> None:
     _, setup, whole, track = both
     state, pieces = tracking.start(setup), []
