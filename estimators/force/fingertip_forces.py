@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from estimators import quaternions as quat
 from estimators.calibration import Calibration
-from estimators.force import balance, contact, fingertip_torques, interpolation, tip_orientation, zero
+from estimators.force import accelerometer_error, balance, contact, fingertip_torques, interpolation, tip_orientation, zero
 from estimators.force.contact import ContactParams, Grasp
 from estimators.force.sensor import stuck
 from estimators.force.tip_orientation import TipParams, Tips
@@ -71,7 +71,8 @@ def attached(
     read = [_read(params, s.block, moved.t) for s in sensors]
     force, sd, zero_sd, flags = (np.stack([getattr(r, name) for r in read], axis=1) for name in ("force", "sd", "zero_sd", "flags"))
     scale = _scales(params, sensors)
-    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors))
+    acc_error = accelerometer_error.shown(params.acc_error, blocks)
+    aligning = replace(params, force_scale=float(np.sqrt((scale**2).mean())), cuff_sd=_cuff_sd(params, sensors), acc_error=acc_error)
     q_GF, acc, gyr = _cuffs(moved, blocks, _seated(mounting, blocks), calibrations, fingers)
     found = contact.grasps(params, moved.t, np.linalg.norm(force, axis=2), contact.thumb_among(fingers))
     unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
@@ -259,7 +260,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
     flags[nothing.jump[near, 0] > params.doubt] |= np.uint8(ForceFlag.DRIFT)
     lost = told.distance[:, 0] > LOST
     force = np.where(lost[:, None], np.nan, told.values[:, 0])
-    zero_sd = _zero_sd(nothing, near)
+    zero_sd = nothing.sd[near, 0]
     return _Read(force, np.hypot(told.sd[:, 0], zero_sd), zero_sd, flags, nothing.free[:, 0])
 
 
@@ -270,11 +271,6 @@ def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.noise_of(block.t, values)
     return values, limited, noise, zero.found(params, block.t, values, noise)
-
-
-def _zero_sd(nothing: Zero, near: NDArray[np.int_]) -> Array:
-    """How sure the zero is: a jump between before and behind tells that it drifts more than was thought."""
-    return np.asarray(nothing.sd[near, 0] * np.maximum(1.0, nothing.jump[near, 0]))
 
 
 def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_]:

@@ -105,11 +105,12 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
     offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
     left = np.asarray(np.sqrt(np.diag(left_over)))
     missed_share = _missed(loads, left, unknown[:m, :m])
-    scale = float(np.hypot(missed_share, params.load_error))
-    turn = float(np.hypot(params.level * np.pi / 180, missed_share / np.sqrt(6.0)))  # of nine entries alike, the halves that turn
-    if scale > params.worst:
+    each = missed_share / np.sqrt(3.0)  # of the matrix's nine entries, alike: the force's own direction takes one of each row
+    scale = float(np.hypot(each, params.load_error))
+    turn = float(np.hypot(_turned(loads, params.level * np.pi / 180), each / np.sqrt(2.0)))  # the halves that turn
+    if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
         raise InputError(
-            f"the readings do not follow the loads: forces would be wrong by {100 * scale:.0f} %; check the units, the directions and that the sensor is connected as the table says"
+            f"the readings do not follow the loads: forces would be wrong by {100 * whole:.0f} %; check the units, the directions and that the sensor is connected as the table says"
         )
     one_way = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
     heaviest = float(np.linalg.norm(loads[:, :3], axis=1).max())
@@ -197,3 +198,16 @@ def _missed(loads: Array, left: Array, unknown: Array) -> float:
     noise = float(np.sqrt((left[:3] ** 2).sum()))
     of_fit = float(np.sqrt(np.einsum("ni,ij,nj->n", loads, unknown, loads).mean()))
     return float(np.hypot(noise * of_fit / size, noise / size))
+
+
+def _turned(loads: Array, level: float) -> float:
+    """By how much, rad about each axis, an accelerometer's bias that tilts directions by `level` turns all loads together: opposite ones cancel it."""
+    force = loads[:, :3]
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    along = force / np.where(size > 0, size, 1.0)
+    turns = []
+    for axis in np.eye(3):
+        missed = level * (size * axis - force * (along @ axis)[:, None])
+        E = np.linalg.lstsq(_design(loads), missed, rcond=None)[0][:3].T
+        turns.append(0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]]))
+    return float(np.sqrt((np.array(turns) ** 2).sum() / 3))

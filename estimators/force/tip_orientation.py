@@ -38,7 +38,11 @@ class TipParams:
     )
     tip_walk: float = option(0.2, "deg/sqrt(s)", "how that error wanders", "ours: skin and sensor under load", least=1e-3)
     acc_error: float = option(
-        0.1, "m/s^2", "error of an accelerometer axis that stays alike", "ours: bias of 0.05 and scale of 0.3 %", least=1e-3
+        0.1,
+        "m/s^2",
+        "error of an accelerometer axis that stays alike, as is likely; more or less where sensors at rest show it",
+        "ours: bias of 0.05 and scale of 0.3 %",
+        least=1e-3,
     )
     alike: float = option(10.0, "s", "for which such errors stay alike", "ours: longer than a grasp", least=0.1)
     still: float = option(0.5, "m/s^2", "deviation from gravity of a tip that tells the vertical", "ours", least=0.01)

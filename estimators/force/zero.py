@@ -3,7 +3,7 @@
 In      readings (n, S, 3) N of S sensors at times t (n,), NaN where missing
 Out     their zero (n, S, 3) with its standard deviation, and where each sensor is free (n, S)
 Source  Kortier, thesis 6.4: readings follow the supply. The zero is a random walk: Kalman filter and Rauch-Tung-Striebel smoother, here for one number an axis.
-        How fast it walks is read from the sensor while it is free, where that is more than `drift`: ours
+        How fast it walks is read from the sensor while it is free, `drift` being what is likely beforehand: ours
 Limits  a force that is there from the first to the last sample, or that never changes by more than `least`, is taken for the zero; a sensor whose zero begins
         to walk within a contact is told by the jump alone
 """
@@ -21,8 +21,9 @@ from estimators.samples import every
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
 SURE = 3.5  # standard deviations of the size of a vector of noise
-PIECES = (1.0, 0.3)  # s: the free readings are averaged over so much to tell how fast the zero walks, over less where they are few
-FEWEST = 5  # neighbours of such pieces, below which they tell nothing
+WALKS = np.geomspace(1 / 30, 30.0, 25)  # of what is likely beforehand: how fast a zero may walk
+FACTOR = 0.5  # standard deviation of the logarithm of what a zero walks by, sensor by sensor, before anything is read; ours
+PERIOD = 0.08  # s: free readings of faster sensors are averaged over so much to tell how fast the zero walks
 ROUNDS = 5  # who drifts fast is taken for free more often once that is known
 LIKELY = 2.5  # of what it may have drifted by meanwhile: more would take a light grip for nothing
 
@@ -35,7 +36,7 @@ class ZeroParams:
     drift: float = option(
         0.03,
         "N/sqrt(s)",
-        "random walk of the zero; more where the free sensor shows more",
+        "random walk of the zero that is likely; more or less where the free sensor shows it",
         "ours: 0.2 N in a minute; Kortier thesis 6.4 names it without a size",
     )
     guard: float = option(
@@ -46,9 +47,11 @@ class ZeroParams:
 @dataclass(frozen=True)
 class Zero:
     level: Array  # (n, S, 3) N
-    sd: Array  # (n, S) N, of each axis
+    sd: Array  # (n, S) N, of each axis: more where the zeros before and behind a contact differ by more than it seemed to walk
     free: NDArray[np.bool_]  # (n, S) nothing is touched
-    jump: Array  # (n, S) how far the zeros before and behind the contact differ, in standard deviations; 0 where free or not known
+    jump: (
+        Array  # (n, S) how far these differ, in standard deviations of a zero that walks as is likely or faster; 0 where free or not known
+    )
     drift: Array  # (S,) N/sqrt(s) by which each zero was taken to walk
 
 
@@ -64,18 +67,20 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
         for a, b in runs(~free[:, s]):
             if a > 0 and b < n - 1:
                 before, behind = (_smoothed(t[k], readings[k, s], free[k, s], of_one, walk) for k in (slice(0, a), slice(b + 1, n)))
-                off = np.linalg.norm(before[0][-1] - behind[0][0]) / np.sqrt(3.0)
-                jump[a : b + 1, s] = off / np.sqrt(before[1][-1] + behind[1][0] + walk * (t[b] - t[a]))
+                off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
+                known, lasts = before[1][-1] + behind[1][0], t[b] - t[a]
+                jump[a : b + 1, s] = np.sqrt(off / (known + max(walk, params.drift**2) * lasts))
+                variance[a : b + 1, s] *= max(1.0, off / (known + walk * lasts))
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
 def known_from(t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
     """Zero (n, 3) and its standard deviation (n,) of other readings (n, 3) of the same sensor, where it is known when it was free (n,).
 
-    `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second; more where the free sensor shows more.
+    `noise` is that of one reading, `drift` that of the zero in the same unit a root of a second; more or less where the free sensor shows it.
     """
     used = free & every(np.isfinite(readings))
-    level, variance = _smoothed(t, readings, used, noise**2, max(drift, _walk(t, readings, used, noise)) ** 2)
+    level, variance = _smoothed(t, readings, used, noise**2, _walk(t, readings, used, noise, drift) ** 2)
     return level, np.sqrt(variance)
 
 
@@ -84,11 +89,11 @@ def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tupl
     drift = params.drift
     for _ in range(ROUNDS):
         free = _free(params, t, y, noise, drift)
-        seen = _walk(t, y, free, noise)
+        seen = _walk(t, y, free, noise, params.drift)
         if seen <= 1.1 * drift:
             break
         drift = seen
-    return free, drift
+    return free, seen
 
 
 def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) -> NDArray[np.bool_]:
@@ -112,25 +117,42 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
 
 
-def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float) -> float:
-    """How fast the zero walks, in the readings' unit a root of a second, from means of the free ones; 0 where they tell nothing.
+def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float, likely: float) -> float:
+    """How fast the zero walks, in the readings' unit a root of a second: root of the mean square of what the free readings leave likely.
 
-    Neighbouring means over T of a walk with q differ by the variance 2 q^2 T / 3, and by what is left of the noise.
+    Each stretch by itself tells by what its readings surprise a Kalman filter, one for each walk of a grid; what is `likely` where there is none.
     """
-    for length in PIECES:
-        means = [_means(t[a : b + 1], y[a : b + 1], length) for a, b in runs(free)]
-        off = np.concatenate([np.diff(m, axis=0) for m, _ in means]) if means else np.empty((0, 3))
-        if len(off) >= FEWEST:
-            own = 2 * noise**2 / float(np.mean([count for m, count in means if len(m) > 1]))
-            return float(np.sqrt(max(0.0, float(np.mean(off**2)) - own) * 1.5 / length))
-    return 0.0
+    walks = likely * WALKS
+    chances = -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2  # its mean square is that of what is likely
+    for a, b in runs(free):
+        chances += _likelihood(*_means(t[a : b + 1], y[a : b + 1]), max(noise, 1e-3 * likely) ** 2, walks**2)
+    weights = np.exp(chances - chances.max())
+    return float(np.sqrt(weights @ walks**2 / weights.sum()))
 
 
-def _means(t: Array, y: Array, length: float) -> tuple[Array, float]:
-    """Of readings (n, 3) in a row the means over whole pieces (m, 3), and of how many readings each is."""
-    edges = np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, length) - 1e-9)
-    known = [piece for a, b in zip(edges, edges[1:]) if len(piece := y[a:b][every(np.isfinite(y[a:b]))])]
-    return np.array([piece.mean(axis=0) for piece in known]).reshape(-1, 3), float(np.mean([len(p) for p in known])) if known else 1.0
+def _likelihood(t: Array, y: Array, counts: Array, noise: float, walks: Array) -> Array:
+    """Logarithm (m,) of how likely means (n, 3) of so many readings (n,) with this variance are of a zero that walks by variances (m,) a second."""
+    told = np.zeros(len(walks))
+    if not len(t):
+        return told
+    level, variance = np.tile(y[0], (len(walks), 1)), np.full(len(walks), noise / counts[0])
+    for seen, dt, of_one in zip(y[1:], np.diff(t).tolist(), (noise / counts[1:]).tolist()):
+        variance = variance + walks * dt
+        missed, whole = seen - level, variance + of_one
+        told -= 0.5 * (3 * np.log(whole) + (missed**2).sum(axis=1) / whole)
+        level, variance = level + (variance / whole)[:, None] * missed, variance * of_one / whole
+    return told
+
+
+def _means(t: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Of readings (n, 3) in a row the means over PERIOD, when they are and of how many readings."""
+    known = every(np.isfinite(y))
+    t, y = t[known], y[known]
+    if not len(t):
+        return t, y, t
+    starts = np.flatnonzero(np.diff(np.floor((t - t[0]) / PERIOD + 1e-6), prepend=-1.0))
+    counts = np.diff(starts, append=len(t)).astype(float)
+    return np.add.reduceat(t, starts) / counts, np.add.reduceat(y, starts) / counts[:, None], counts
 
 
 def _resting(y: Array, gate: float) -> Array:

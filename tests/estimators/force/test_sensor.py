@@ -7,6 +7,7 @@ from estimators.errors import InputError
 from estimators.force.sensor import SolveParams, solve
 from estimators.quaternions import Array
 
+DEG = np.pi / 180
 WAYS = np.vstack([np.eye(3), -np.eye(3)])
 
 
@@ -43,6 +44,37 @@ def test_known_loads_tell_matrix_and_offset_as_surely_as_is_said(axes: int, chan
     assert axes != channels or 0.5 < np.mean(surprise) < 1.6
     assert 0.5 < np.mean(of_offset) < 1.6
     assert beyond <= 4, "within two standard deviations in nine of ten"
+
+
+def test_weights_and_an_accelerometer_tell_forces_as_surely_as_is_said() -> None:
+    """Weights of a kitchen along all axes, both ways; an accelerometer with a bias that it has in every position tells the directions."""
+    of_scale, of_turn = [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        along = np.vstack([WAYS, WAYS]) + 0.05 * rng.normal(size=(2 * len(WAYS), 3))
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        weights = 9.81 * np.repeat([0.1, 0.2], len(WAYS))[:, None]
+        read = np.vstack([weights * along, np.zeros(3)]) * (1 + 0.005 * rng.normal())
+        seen = 9.81 * along + 0.05 * rng.normal(size=3) + 0.01 * rng.normal(size=along.shape)
+        loads = np.vstack([weights * seen / np.linalg.norm(seen, axis=1, keepdims=True), np.zeros(3)])
+        found = solve(SolveParams(), read + 0.01 * rng.normal(size=read.shape), loads)
+        off = found.calibration.matrix - np.eye(3)
+        along_itself = np.einsum("ni,ij,nj->n", WAYS, off, WAYS) / (WAYS**2).sum(axis=1)
+        turned = 0.5 * (off - off.T)[[2, 0, 1], [1, 2, 0]]
+        of_scale.append((along_itself**2).mean() / found.calibration.scale_sd**2)
+        of_turn.append((turned**2).mean() / found.turn_sd**2)
+    assert 0.25 < np.mean(of_scale) < 1.2
+    assert 0.1 < np.mean(of_turn) < 1.2
+
+
+def test_what_loads_from_one_side_leave_open_is_told() -> None:
+    """An accelerometer's bias turns loads that hang one way alone, and cancels where they hang both ways."""
+    rng, told = np.random.default_rng(0), []
+    for ways in (np.vstack([np.eye(3), -np.eye(3)]), np.vstack([np.eye(3), 2 * np.eye(3)])):
+        loads = np.vstack([2 * ways, ways, np.zeros(3)])
+        told.append(solve(SolveParams(), loads + 1e-3 * rng.normal(size=loads.shape), loads).turn_sd)
+    assert told[0] < 0.1 * DEG
+    assert told[1] == pytest.approx(0.3 * DEG, rel=0.35)
 
 
 def test_a_load_that_was_written_down_wrongly_is_named_and_left_out() -> None:

@@ -1,0 +1,54 @@
+"""By how much accelerometers err, as their recording shows it: what they read at rest beside gravity.
+
+In      blocks of inertial sensors, the standard deviation that is likely of an axis, m/s^2
+Out     the same, with what the hand's sensors show: more of bad ones, less of good ones
+Source  ours: what a sensor reads too much at rest is its bias and scale along the vertical, of the size of what tilts it. The sensors of a glove are alike, so that they
+        tell it together; inverse gamma prior (Gelman et al. 2013, Bayesian Data Analysis, 2.6), worth LIKELY readings
+Limits  what is across the vertical in every inclination is not seen; gravity differs from place to place by 0.03 m/s^2, which counts as an error
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimators.gravity import GRAVITY
+from estimators.hand_anatomy import CHAINS
+from estimators.quaternions import Array
+from estimators.samples import ACC, GYR, Block, every
+
+LIKELY = 2.0  # sensors at rest that the prior counts as; ours
+WINDOW = 1.0  # s
+SETTLED = 0.1  # m/s^2, standard deviation of the size within a window: ours
+RATE = np.radians(3.0)  # rad/s, and of the angular rate: ours
+APART = np.cos(np.radians(45.0))  # inclinations further apart tell another axis; ours
+GLOVE = {"hand", *(segment for chain in CHAINS.values() for segment in chain)}
+
+
+def shown(likely: float, blocks: Sequence[Block]) -> float:
+    """The standard deviation of an axis, m/s^2."""
+    missed = np.concatenate(
+        [_beside(b, k) for b in blocks if b.stream.inertial for k, s in enumerate(b.stream.sensors) if s in GLOVE] or [np.empty(0)]
+    )
+    return float(np.sqrt((LIKELY * likely**2 + missed @ missed) / (LIKELY + len(missed))))
+
+
+def _beside(block: Block, k: int) -> Array:
+    """What the k-th sensor reads beside gravity at rest (m,) m/s^2, in each inclination once."""
+    acc, gyr = block.of(ACC)[:, k], block.of(GYR)[:, k]
+    known = every(np.isfinite(acc)) & every(np.isfinite(gyr))
+    starts = np.searchsorted(block.t, np.arange(block.t[0], block.t[-1], WINDOW)) if len(block.t) else np.empty(0, int)
+    found: list[tuple[Array, list[Array]]] = []
+    for a, b in zip(starts, starts[1:]):
+        if b - a > 3 and known[a:b].all() and _rests(acc[a:b], gyr[a:b]):
+            mean = acc[a:b].mean(axis=0)
+            along = mean / np.linalg.norm(mean)
+            near = next((means for first, means in found if first @ along > APART), None)
+            if near is None:
+                found.append((along, [mean]))
+            else:
+                near.append(mean)
+    return np.array([np.mean([np.linalg.norm(m) for m in means]) - GRAVITY for _, means in found])
+
+
+def _rests(acc: Array, gyr: Array) -> bool:
+    return float(np.linalg.norm(acc, axis=1).std()) < SETTLED and float(np.linalg.norm(gyr.std(axis=0))) < RATE
