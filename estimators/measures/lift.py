@@ -67,12 +67,12 @@ class Params(ContactParams):
     constant: float = option(
         4.0,
         "1",
-        "standard deviations of a support that does not change with the acceleration, beyond which the mass is not told",
+        "standard deviations of a support that does not change with the acceleration, or of a mass that does meanwhile, beyond which the mass is not told",
         "ours",
         least=1.0,
     )
     perhaps: float = option(
-        2.0, "1", "and beyond which it is said, and the mass is as unsure as the support is large", "ours: as `shared`", least=1.0
+        2.0, "1", "and beyond which it is said, and the mass is as unsure as support or change are large", "ours: as `shared`", least=1.0
     )
     memory: float = option(
         1.0, "s", "time after which a sample counts for 1/e in the running estimate", "ours: twelve force samples", least=0.1
@@ -136,7 +136,7 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
     if sure.sum() < 8 or not np.isfinite(h.forces[sure]).all():
         return Lifted(h, off, np.nan, np.nan, np.empty(0), h.flagged(off) or "the force was not known while the object was held up")
     weighed = mass_of(params, h, sure)
-    slips = _slips(params, h, sure, weighed.mass)
+    slips = _slips(params, h, sure, weighed.weight)
     reasons = [h.flagged(sure)] + (["the object slipped"] if len(slips) else [])
     doubtful = bool(h.flags[sure].any() and (np.bitwise_or.reduce(h.flags[sure], axis=None) & UNSURE))
     if weighed.supported > params.constant:
@@ -144,6 +144,13 @@ def _lifted(params: Params, h: Holding) -> Lifted | None:
         doubtful = True
     elif weighed.supported > params.perhaps:
         reasons.append("part of the load hardly changes with the acceleration: something not measured may carry part of the object")
+    if weighed.changed > params.constant:
+        reasons.append(
+            "the load changed while the object was held up: something was added to it or taken away, something else carries it, or a force sensor drifts"
+        )
+        doubtful = True
+    elif weighed.changed > params.perhaps:
+        reasons.append("the load hardly stayed the same while the object was held up: something may have been added to it or taken away")
     if weighed.mass < WEIGHS * weighed.sd:
         reasons.append("what was held up hardly weighs anything: something not measured carries it, or a force sensor is wrong")
         doubtful = True
@@ -156,6 +163,8 @@ class Weighed:
     mass: float  # kg
     sd: float
     supported: float  # by how many of its standard deviations a constant support differs from zero
+    changed: float  # and what the mass gains or loses meanwhile
+    weight: Array  # (used,) N
     running: Running
 
 
@@ -163,7 +172,7 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)
 
     What carries part of the object leaves m g - support while it rests and m (g + a) - support while it does not: the slope of the load over the
-    specific force is the mass, what the line begins with the support.
+    specific force is the mass, what the line begins with the support. What is added or taken away meanwhile makes the mass grow or shrink over time.
     """
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
@@ -171,21 +180,28 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     of_axes = (h.alike_sd[used] ** 2).mean(axis=0).sum(axis=0)  # N^2: inclination, zero and scale are the same in all samples
     across = net - (net * up).sum(axis=1, keepdims=True) * up
     unexplained = max(0.0, float((across.mean(axis=0) ** 2).sum() - of_axes[:2].sum()))  # N^2: it may be missing along, too
-    both = identification.fitted(h.load[used][:, None], np.stack([(s * up).sum(axis=1), np.ones(len(s))], axis=-1)[:, None], unknown)
+    along = (s * up).sum(axis=1)
+    since = (h.t[used] - h.t[used].mean()) / np.ptp(h.t[used])
+    both, growing = (
+        identification.fitted(h.load[used][:, None], np.stack([along, other], axis=-1)[:, None], unknown)
+        for other in (np.ones(len(s)), along * since)
+    )
+    changed = abs(growing.theta[1]) / float(np.hypot(growing.sd[1], np.sqrt(of_axes[2]) / GRAVITY))
+    gained = growing.theta[1] if changed > params.perhaps else 0.0
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(of_axes[2])))
     carried = both.theta[1] if supported > params.perhaps else 0.0
     untold = holding.untold_share(h, used) * fit.theta[0]
-    common = float(np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2))
+    common = float(np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12))  # any of those it had
     each = float(np.sqrt((fit.residuals**2).mean() * len(s) / fit.independent))
     running = identification.followed(
         h.t[used], net, s[..., None], each, np.ones(1), params.memory, lambda mass: np.full(len(mass), common)
     )
-    return Weighed(float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, running)
+    weight = (fit.theta[0] + gained * since) * np.linalg.norm(s, axis=1)
+    return Weighed(float(fit.theta[0]), float(np.hypot(fit.sd[0], common)), supported, changed, weight, running)
 
 
-def _slips(params: Params, h: Holding, used: NDArray[np.bool_], mass: float) -> Array:
-    """When (s) the load leaves what the mass explains for a short while."""
-    weight = mass * np.linalg.norm(h.lifting[used], axis=1)
+def _slips(params: Params, h: Holding, used: NDArray[np.bool_], weight: Array) -> Array:
+    """When (s) the load leaves what the mass explains, N (used,), for a short while."""
     off = np.abs(h.load[used] - weight) > max(params.slip * float(np.median(weight)), 0.3)
     starts = np.flatnonzero(np.diff(np.concatenate([[False], off]).astype(int)) == 1)
     return np.asarray(h.t[used][starts])

@@ -136,12 +136,13 @@ def test_no_mass_is_told_of_what_weighs_nothing() -> None:
     assert "hardly weighs anything" in found.reason and np.isnan(found.lifts[0].mass)
 
 
-def held_up(support: float, swing: float, noise: float = 0.07, alike: float = 0.02) -> Holding:
-    """0.2 kg between two fingers for five seconds, raised and lowered meanwhile; something else pushes up by so many N."""
+def held_up(support: float, swing: float, noise: float = 0.07, alike: float = 0.02, poured: float = 0.0) -> Holding:
+    """0.2 kg between two fingers for five seconds, raised and lowered meanwhile; something else pushes up by so many N, so many kg are added in two."""
     t, rng = np.arange(0.0, 5.0, 0.08), np.random.default_rng(5)
     lifting = np.stack([0 * t, 0 * t, GRAVITY + swing * np.sin(2 * np.pi * 0.4 * t)], axis=1)
     push = np.array([3.0, 0.0, 0.0])
-    forces = np.stack([0.5 * (0.2 * lifting - [0.0, 0.0, support]) + side * push for side in (1, -1)], axis=1)
+    mass = 0.2 + poured * np.clip(0.5 * (t - 1.5), 0.0, 1.0)
+    forces = np.stack([0.5 * (mass[:, None] * lifting - [0.0, 0.0, support]) + side * push for side in (1, -1)], axis=1)
     forces += noise / np.sqrt(2) * rng.normal(size=forces.shape)
     axis, sd = np.tile([1.0, 0.0, 0.0], (len(t), 1)), np.full(forces.shape, alike)
     return Holding(
@@ -161,6 +162,24 @@ def test_what_else_carries_the_object_shows_where_the_load_does_not_follow_the_a
         assert one.mass == pytest.approx(mass, abs=2 * one.sd)
     assert alone.sd < 0.02 * 0.2 + np.sqrt(2) * 0.02 / GRAVITY, "noise of many samples is averaged out"
     assert shared.sd > 5 * alone.sd
+
+
+def test_what_is_added_while_it_is_held_up_shows_as_a_mass_that_grows() -> None:
+    p = lift.Params()
+    same, more, much, less = (
+        lift.mass_of(p, h, np.ones(len(h.t), bool)) for h in (held_up(0.0, 0.3, poured=kg) for kg in (0.0, 0.008, 0.06, -0.06))
+    )
+    assert same.changed < p.perhaps < more.changed < p.constant < min(much.changed, less.changed)
+    assert more.mass - 2 * more.sd < 0.2 and more.mass + 2 * more.sd > 0.208, "any of those it had"
+    np.testing.assert_allclose(np.ptp(much.weight), 0.06 * GRAVITY, rtol=0.5)
+
+
+def test_no_mass_is_told_of_what_becomes_heavier_in_mid_air() -> None:
+    made, _ = done(0, mass=0.44)
+    found = measured(changed(made, lambda t, v: v * (1 + 0.3 * np.clip((t - 2.5) / 2, 0.0, 1.0))[:, None, None]))
+    assert found.grade == "poor"
+    assert "the load changed while the object was held up" in found.reason
+    assert np.isnan(found.lifts[0].mass)
 
 
 def test_forces_and_mass_are_as_sure_as_the_sensors_are_calibrated() -> None:
