@@ -64,14 +64,19 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
     for s in range(sensors):
         of_one, walk = max(float(noise[s]), 1e-3) ** 2, float(drift[s]) ** 2
         level[:, s], variance[:, s] = _smoothed(t, readings[:, s], free[:, s], of_one, walk)
+        of = (t, readings[:, s], free[:, s], of_one)
         for a, b in runs(~free[:, s]):
             if a > 0 and b < n - 1:
-                before, behind = (_smoothed(t[k], readings[k, s], free[k, s], of_one, walk) for k in (slice(0, a), slice(b + 1, n)))
-                off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
-                known, lasts = before[1][-1] + behind[1][0], t[b] - t[a]
-                jump[a : b + 1, s] = np.sqrt(off / (known + max(walk, params.drift**2) * lasts))
-                variance[a : b + 1, s] *= max(1.0, off / (known + walk * lasts))
+                jump[a : b + 1, s] = _jump(*of, max(walk, params.drift**2), a, b)
+                variance[a : b + 1, s] *= max(1.0, _jump(*of, walk, a, b) ** 2)
     return Zero(level, np.sqrt(variance), free, jump, drift)
+
+
+def _jump(t: Array, y: Array, free: NDArray[np.bool_], noise: float, drift: float, a: int, b: int) -> float:
+    """How far the zeros before the a-th and behind the b-th reading differ, in standard deviations of a walk with this variance a second."""
+    before, behind = (_smoothed(t[k], y[k], free[k], noise, drift) for k in (slice(0, a), slice(b + 1, len(t))))
+    off = float(((before[0][-1] - behind[0][0]) ** 2).mean())
+    return float(np.sqrt(off / (before[1][-1] + behind[1][0] + drift * (t[b] - t[a]))))
 
 
 def known_from(t: Array, readings: Array, free: NDArray[np.bool_], noise: float, drift: float) -> tuple[Array, Array]:
