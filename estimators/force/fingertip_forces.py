@@ -18,7 +18,7 @@ from estimators import quaternions as quat
 from estimators.calibration import Calibration
 from estimators.force import accelerometer_error, balance, contact, fingertip_torques, interpolation, tip_orientation, zero
 from estimators.force.contact import ContactParams, Grasp
-from estimators.force.sensor import stuck
+from estimators.force.sensor import old, stuck
 from estimators.force.tip_orientation import TipParams, Tips
 from estimators.force.zero import Zero, ZeroParams
 from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
@@ -265,12 +265,14 @@ def _read(params: ForceParams, block: Block, at: Array) -> _Read:
 
 
 def _levelled(params: ForceParams, block: Block) -> tuple[Array, NDArray[np.bool_], Array, Zero]:
-    """One sensor's readings (n, 1, 3) without those at a limit, which those are (n,), the noise of one, and what is read of nothing."""
+    """One sensor's readings (n, 1, 3) without those at a limit and those told before, which are at a limit (n,), the noise of one, and what is read of nothing."""
     raw = block.of(FORCE)
     limited = block.at_limit(FORCE)[:, 0] | stuck(raw[:, 0]) | beyond(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)
     noise = interpolation.noise_of(block.t, values)
-    return values, limited, noise, zero.found(params, block.t, values, noise)
+    nothing = zero.found(params, block.t, values, noise)
+    told_again = old(raw[:, 0]) & ~limited & (np.linalg.norm((raw - nothing.level)[:, 0], axis=1) > params.grasp)
+    return np.where(told_again[:, None, None], np.nan, values), limited, noise, nothing
 
 
 def _around(t: Array, limited: NDArray[np.bool_], at: Array) -> NDArray[np.bool_]:

@@ -26,6 +26,8 @@ CONDITION = 50.0  # of the loads' spread over their directions, beyond which a d
 SPARE = 3  # loads beyond the unknowns of a channel that are needed at least: six positions of a sensor with three axes, and no load
 STUCK = 3  # equal readings at the end of a sensor's range in a row
 REPEATED = 0.5  # share of readings that equal the one before
+COARSE = 0.1  # share of axes, or of readings, that are what they were before
+LUCK = 0.01  # chance that a recording shows a sensor that repeats itself for longer
 FAR = 1.0  # N from the level at rest
 DISCARDED = 0.2  # share of the loads that may be left out
 
@@ -132,11 +134,37 @@ def stuck(values: Array) -> NDArray[np.bool_]:
         known = axis[np.isfinite(axis)]
         if len(known) < 8 or (np.diff(known) == 0).mean() > REPEATED:
             continue
+        between = (known > known.min()) & (known < known.max())
+        longest = max(STUCK, 1 + _by_luck((np.diff(known) == 0) & between[1:], between[1:]))
         for end in (known.min(), known.max()):
             if abs(end - np.median(known)) > FAR:
                 for a, b in runs(axis == end):
-                    found[a : b + 1] |= b - a + 1 >= STUCK
+                    found[a : b + 1] |= b - a + 1 >= longest
     return found
+
+
+def old(values: Array) -> NDArray[np.bool_]:
+    """Readings (n,) of axes (n, a) N that repeat the one before in every axis more often in a row than luck makes them: no new ones.
+
+    Not of a sensor whose counts are so coarse that axes stay as they are or readings come back while others change.
+    """
+    again = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])
+    found, fresh = np.zeros(len(values), bool), values[~again]
+    if len(fresh) < 8 or (np.diff(fresh, axis=0) == 0).mean() > COARSE or len(np.unique(fresh, axis=0)) < (1 - COARSE) * len(fresh):
+        return found
+    stretches = runs(again)
+    first = np.zeros(len(values), bool)
+    first[[a for a, _ in stretches]] = True
+    longest = max(STUCK, 1 + _by_luck(first, ~again | first))
+    for a, b in stretches:
+        found[a : b + 1] = b - a + 1 >= longest
+    return found
+
+
+def _by_luck(again: NDArray[np.bool_], among: NDArray[np.bool_]) -> int:
+    """How often in a row readings repeat themselves by luck, once in a recording of a hundred, where among so many so many do."""
+    share, n = float(again.sum() / max(among.sum(), 1)), len(again)
+    return int(np.ceil(np.log(LUCK / max(n, 1)) / np.log(share))) if 0 < share < 1 else n if share else 0
 
 
 def _design(loads: Array) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators.errors import InputError
-from estimators.force.sensor import SolveParams, solve
+from estimators.force.sensor import SolveParams, old, solve, stuck
 from estimators.quaternions import Array
 
 DEG = np.pi / 180
@@ -159,3 +159,29 @@ def test_a_channel_at_its_end_makes_the_whole_reading_untold() -> None:
     clipped = np.minimum(readings, raw[-1] + [0.4, 9.0, 9.0])
     np.testing.assert_array_equal(calibration.clipped(clipped), clipped[:, 0] == clipped[:, 0].max())
     assert not calibration.clipped(readings).any()
+
+
+def held(noise: float, count: float, seed: int) -> Array:
+    """15 s of a pinch at 12 Hz (180, 3) N, by a sensor with such noise and counts; held and varied between the 48th and the 132nd reading."""
+    rng, t = np.random.default_rng(seed), np.arange(180) / 12
+    size = np.clip(np.minimum(t - 4.0, 11.0 - t) / 0.4, 0.0, 1.0) * (3 + np.sin(3 * t))
+    return np.round((size[:, None] * [0.3, -0.2, 1.0] + noise * rng.normal(size=(180, 3))) / count) * count
+
+
+def test_a_sensor_that_tells_an_old_sample_again_and_again_is_found() -> None:
+    fine = held(0.05, 0.004, 0)
+    fine[100:112] = fine[99]
+    np.testing.assert_array_equal(np.flatnonzero(old(fine)), np.arange(100, 112))
+    assert not old(held(0.05, 0.004, 1)).any()
+
+
+def test_coarse_counts_are_neither_old_samples_nor_a_limit() -> None:
+    for noise in (0.0, 0.01, 0.05):
+        told = sum(old(held(noise, 0.1, seed)).sum() + stuck(held(noise, 0.1, seed)).sum() for seed in range(10))
+        assert told == 0, noise
+
+
+def test_a_limit_of_coarse_counts_is_found_still() -> None:
+    clipped = np.clip(held(0.05, 0.05, 2), -5.0, 3.0)
+    clipped[70:85, 2] = 3.0
+    assert stuck(clipped)[70:85].all()
