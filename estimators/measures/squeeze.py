@@ -18,6 +18,7 @@ from estimators.force.contact import ContactParams
 from estimators.force.frequency_response import Conditions, Response
 from estimators.force.holding import UNREAD, UNSURE, Holding
 from estimators.force.identification import Fit, Running
+from estimators.hand_anatomy import FINGER_JOINTS, JOINT, LIMITS
 from estimators.hand_geometry import HandGeometry
 from estimators.measures.asked import UNKNOWN, Asked, words_of
 from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
@@ -33,6 +34,8 @@ TITLE = "Squeeze"
 NOISE = 0.1  # N
 BAND = 1.96  # standard deviations to either side: 95 %
 HOLDS, FAILS, OPEN, UNTOLD = "holds", "fails", "nothing speaks against it", "cannot be told"  # of the conditions of 6.5.1
+AT = 1e-3  # rad from an end of its range: a joint is held there by the model
+FURTHER = "a joint bends further than it may in the model: how far the fingertips move is not well known"
 TOO_SHORT = "squeezed for too short a time to tell how the object answers; squeeze for 10 s and more"
 BENT = "the force does not grow evenly with the distance: what is held, or a force sensor, is not linear"
 USUAL = np.array([1e3, 50.0, 10.0])  # sizes of stiffness N/m, force at no distance N, and damping N s/m
@@ -70,6 +73,13 @@ class Params(ContactParams):
     )
     scale_sd: float = option(
         0.02, "1", "error of the forces' scale, where the sensors were not calibrated", "BioMed Eng OnLine 11:90, Table 4", least=0.0
+    )
+    further: float = option(
+        0.1,
+        "1",
+        "error of that change where a joint bends further than it may in the model",
+        "ours: 8 % RMS of ten people whose thumb's last joint hyperextends by 40 deg",
+        least=0.0,
     )
     timing: float = option(
         0.01, "s", "by how much forces and places may be shifted against each other", "ours: a sample at 100 Hz", least=0.0
@@ -135,16 +145,28 @@ def measure(
         return Squeeze(params, False, (), "poor", "squeezing needs force sensors on the thumb and another finger")
     held = holding.holdings(params, part, geometry)
     params = knowing(params, held[0]) if held else params
+    further = any(_at_an_end(part, h) for h in held)
+    params = replace(params, gain_sd=max(params.gain_sd, params.further)) if further else params
     found = [made for h in held if (made := _squeezed(params, h)) is not None]
     if not found:
         return Squeeze(params, True, (), "poor", "nothing was squeezed")
     told = [("good" if not one.reason else "fair" if one.fit else "poor", one.reason) for one in found]
+    told += [("fair", FURTHER)] if further else []
     return Squeeze(params, True, tuple(found), *worse(*told))  # type: ignore[arg-type]
 
 
 def knowing(params: Params, h: Holding) -> Params:
     """With the forces' scale as well known as the sensors' calibrations say, where they say it."""
     return params if h.squeeze_scale_sd is None else replace(params, scale_sd=h.squeeze_scale_sd)
+
+
+def _at_an_end(part: Trajectory, h: Holding) -> bool:
+    """Whether a joint of the fingers that hold it stays at an end of its range for a while."""
+    rows = [JOINT[name] for finger in h.fingers for name in FINGER_JOINTS[finger]]
+    angles, limits = part.between(h.t[0], h.t[-1]).angles[:, rows], LIMITS[rows]
+    with np.errstate(invalid="ignore"):
+        ends = (np.abs(angles[..., None] - limits) < AT).any(axis=-1) & np.isfinite(angles)
+    return bool((ends.mean(axis=0) > 0.1).any())
 
 
 def _squeezed(params: Params, h: Holding) -> Squeezed | None:

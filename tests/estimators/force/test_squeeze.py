@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from estimators.force import exchange, frequency_response
+from estimators.hand_anatomy import FLEXION, JOINT
 from estimators.measures import in_hand, squeeze
 from estimators.measures.figure import Figure
 from estimators.samples import Block
@@ -194,3 +195,15 @@ def test_power_and_work_of_lifting_and_of_turning() -> None:
     assert exchange.work(t, exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
     turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
     assert exchange.work(t, exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
+
+
+def test_a_joint_beyond_the_model_is_said_and_the_stiffness_is_less_sure() -> None:
+    """A thumb whose last joint hyperextends: the model holds it at -20 deg."""
+    made, moved = spring(0)[0], spring_moved(0)
+    angles = moved.angles.copy()
+    angles[:, JOINT["thumb_ip"], FLEXION] = np.radians(-20.0)
+    usual, beyond = figures(made, moved)["squeeze_stiffness"], figures(made, replace(moved, angles=angles))["squeeze_stiffness"]
+    assert "a joint bends further than it may" not in usual.reason
+    assert "a joint bends further than it may" in beyond.reason
+    assert usual.sd and beyond.sd and beyond.sd > 1.3 * usual.sd
+    assert beyond.value == usual.value
