@@ -20,6 +20,8 @@ ADVICE = (  # a piece of a reason as the measure says it, and what is to be done
     (FORCE_WORDS[ForceFlag.SHARED], "fingers_alone"),
     ("something not measured carries", "fingers_alone"),
     ("something not measured may carry", "fingers_alone"),
+    ("while the object was held up: something", "same_load"),
+    ("bends further than it may in the model", "joint_bent"),
     ("not explained by the measured force alone", "squeeze_alone"),
     ("energy came out of what should be passive", "squeeze_alone"),
     ("the force did not change fast enough", "squeeze_faster"),
