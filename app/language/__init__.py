@@ -84,6 +84,8 @@ class Language:
         if (known := self.sentences.get(sentence)) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
+            if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):
+                return "; ".join(self.heard(part) for part in parts)
             for pattern, text in self._patterns:
                 if found := pattern.fullmatch(sentence):
                     return _filled(text, {name: self.heard(value) for name, value in found.groupdict().items()})
@@ -104,6 +106,15 @@ class Language:
         named = SEGMENT.sub(lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text)
         point = self.locale.number_symbols["latn"]["decimal"]
         return named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
+
+    def _knows(self, sentence: str) -> bool:
+        """Whether it is a sentence by itself; a frame without words, such as "{sensor}: {sentence}", would take in the next one, too."""
+        return sentence in self.sentences or any(pattern.fullmatch(sentence) for pattern in self._worded)
+
+    @cached_property
+    def _worded(self) -> list[re.Pattern[str]]:
+        """Sentences with gaps and words of their own."""
+        return [re.compile(_gapped(s), re.DOTALL) for s in self.sentences if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))]
 
     @cached_property
     def _patterns(self) -> list[tuple[re.Pattern[str], str]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 REFUSALS = {"InputError", "NotNowError", "UnconfirmedError", "ThrottledError", "HTTPException", "Finding", "Verdict"}
 GRADES = {"good", "fair", "poor"}
-WARNS = {"warnings", "said", "problems", "refused"}  # lists that sentences are appended to
+WARNS = {"warnings", "said", "problems", "reasons", "refused"}  # lists that sentences are appended to
 MAKE = {
     "_warnings",
     "_flag_warnings",

@@ -48,6 +48,19 @@ def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() ->
     assert ENGLISH.heard("samples missing and bridged in 12 % of the samples") == "samples missing and bridged in 12 % of the samples"
 
 
+def test_reasons_told_together_are_each_recognised_though_one_has_a_colon() -> None:
+    slipped, carried = (
+        "the object slipped",
+        "part of the load does not change with the acceleration: something not measured carries the object",
+    )
+    doubted = "magnet out of reach in 44 % of the samples"
+    parts = [GERMAN.heard(one) for one in (slipped, carried, doubted)]
+    assert not {slipped, carried, doubted} & set(parts)
+    assert GERMAN.heard(f"{slipped}; {carried}; {doubted}") == "; ".join(parts)
+    assert GERMAN.heard(f"{carried}; {slipped}") == f"{parts[1]}; {parts[0]}"
+    assert ENGLISH.heard(f"{slipped}; {carried}") == f"{slipped}; {carried}"
+
+
 def test_an_unknown_sentence_is_said_as_it_is_with_segments_named_and_numbers_in_form() -> None:
     assert (
         GERMAN.heard("little_proximal drifted by 1.25 deg since 10.11.2026, v1.2.3")
