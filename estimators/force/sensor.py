@@ -148,6 +148,7 @@ def old(values: Array) -> NDArray[np.bool_]:
 
     Not of a sensor whose counts are so coarse that axes stay as they are or readings come back while others change.
     """
+    values = np.where(np.isfinite(values), values, np.nan)
     again = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])
     found, fresh = np.zeros(len(values), bool), values[~again]
     if len(fresh) < 8 or (np.diff(fresh, axis=0) == 0).mean() > COARSE or len(np.unique(fresh, axis=0)) < (1 - COARSE) * len(fresh):

@@ -172,6 +172,8 @@ def test_a_sensor_that_tells_an_old_sample_again_and_again_is_found() -> None:
     fine = held(0.05, 0.004, 0)
     fine[100:112] = fine[99]
     np.testing.assert_array_equal(np.flatnonzero(old(fine)), np.arange(100, 112))
+    fine[30:33] = np.inf  # a raw channel at its limit
+    np.testing.assert_array_equal(np.flatnonzero(old(fine)), np.arange(100, 112))
     assert not old(held(0.05, 0.004, 1)).any()
 
 
