@@ -102,11 +102,17 @@ def _free_and_walk(params: ZeroParams, t: Array, y: Array, noise: float) -> tupl
 
 
 def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) -> NDArray[np.bool_]:
-    """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with."""
+    """Where the sensor touches nothing (n,): it reads what it read when it was last free, the stillest of its readings to begin with.
+
+    Of a sensor whose noise hides a light touch means are compared, of as many readings as bring it below `least`, over `MEMORY` at most.
+    """
     known = every(np.isfinite(y))
     free = np.zeros(len(t), bool)
     if known.sum() < 3:
         return free
+    many = min(int(np.ceil((SURE * noise / params.least) ** 2)), int(MEMORY / np.median(np.diff(t))), len(t))
+    if many > 1:
+        y, noise = _evened(y, known, many), noise / np.sqrt(many)
     gate = max(params.least, SURE * noise)
     level = _resting(y[known], gate)
     start = int(np.flatnonzero(known)[np.argmin(np.linalg.norm(y[known] - level, axis=1))])
@@ -120,6 +126,13 @@ def _free(params: ZeroParams, t: Array, y: Array, noise: float, drift: float) ->
     period = float(np.median(np.diff(t)))
     wide = 2 * max(1, round(params.guard / period)) + 1
     return np.asarray(binary_erosion(free | ~known, np.ones(wide, bool), border_value=1) & known)
+
+
+def _evened(y: Array, known: NDArray[np.bool_], many: int) -> Array:
+    """Means (n, 3) of so many readings around each, of those that are known; NaN where it is not."""
+    around = np.ones(many)
+    sums = np.stack([np.convolve(np.where(known, axis, 0.0), around, "same") for axis in y.T], axis=1)
+    return np.where(known[:, None], sums / np.maximum(np.convolve(known, around, "same"), 1.0)[:, None], np.nan)
 
 
 def _walk(t: Array, y: Array, free: NDArray[np.bool_], noise: float, likely: float) -> float:

@@ -30,6 +30,18 @@ def test_the_zero_is_followed_through_a_contact_and_knows_how_well() -> None:
     assert 0.6 < np.mean(surprise) < 1.6
 
 
+def test_a_light_touch_below_the_noise_of_a_reading_is_no_zero() -> None:
+    """0.5 N for two seconds before the contact, noise 0.2 N: it was taken for free, and the zero for one that jumps."""
+    t = np.arange(0.0, 12.0, 1 / 12)
+    touch = np.where((t > 2.0) & (t < 4.0), 0.5, 0.0)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        found = zero.found(zero.ZeroParams(), t, pushes(t) + touch + 0.2 * rng.normal(size=(len(t), 1, 3)), np.array([0.2]))
+        assert found.jump.max() < 4
+        assert found.free[(t > 2.5) & (t < 6.5)].mean() < 0.1
+        assert found.free[t > 8.0].mean() > 0.9
+
+
 @pytest.mark.parametrize("walk", [0.015, 0.02, 0.06, 0.15])
 def test_how_fast_a_zero_walks_is_read_from_the_free_sensor(walk: float) -> None:
     """Half as fast as is likely as well as five times: it is as unsure through the contact as it is off."""
