@@ -131,6 +131,21 @@ def test_a_port_without_a_glove_says_so(page_without_scene: Page, server: Server
     keep_picture(page, "session-failed")
 
 
+def done_well(page: Page, picture: str = "") -> None:
+    """A step of the calibration, repeated as the page asks where a busy machine measured it while the hand still moved into it."""
+    good, bad = page.get_by_role("heading", name="This step is good"), page.get_by_role("heading", name="This step cannot be used")
+    for _ in range(3):
+        shown(act(page, "start")).click()
+        shown(page.get_by_text("Seconds left"))
+        if picture:
+            keep_picture(page, picture)
+        shown(good.or_(bad))
+        if good.count():
+            return
+        act(page, "redo").click()
+    expect(good).to_be_visible()
+
+
 def test_a_calibration_by_movements_is_led_through_and_used(page_without_scene: Page, server: Server) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/patients/{new_patient(page)}")
@@ -146,16 +161,13 @@ def test_a_calibration_by_movements_is_led_through_and_used(page_without_scene: 
     shown(page.get_by_role("heading", name="Step 1 of 6: Flat hand"))
     keep_picture(page, "calibration-flat")
     expect(act(page, "use")).to_have_count(0)
-    act(page, "start").click()
-    shown(page.get_by_text("This step is good"))
+    done_well(page)
     keep_picture(page, "calibration-flat-good")
     act(page, "next").click()
     shown(page.get_by_role("heading", name="Step 2 of 6: Flat thumb"))
     act(page, "next").click()  # it is left out
     page.locator('[data-task="flexion_all"]').click()
-    shown(act(page, "start")).click()
-    shown(page.get_by_text("Seconds left"))
-    keep_picture(page, "calibration-all")
+    done_well(page, "calibration-all")
     shown(page.get_by_text("Bent 3 times"))
     keep_picture(page, "calibration-all-good")
     act(page, "use").click()
