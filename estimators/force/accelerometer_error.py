@@ -37,17 +37,17 @@ def _beside(block: Block, k: int) -> Array:
     acc, gyr = block.of(ACC)[:, k], block.of(GYR)[:, k]
     known = every(np.isfinite(acc)) & every(np.isfinite(gyr))
     starts = np.searchsorted(block.t, np.arange(block.t[0], block.t[-1], WINDOW)) if len(block.t) else np.empty(0, int)
-    found: list[tuple[Array, list[Array]]] = []
+    found: list[tuple[Array, list[float]]] = []  # an inclination, and what was read in it
     for a, b in zip(starts, starts[1:]):
         if b - a > 3 and known[a:b].all() and _rests(acc[a:b], gyr[a:b]):
             mean = acc[a:b].mean(axis=0)
-            along = mean / np.linalg.norm(mean)
-            near = next((means for first, means in found if first @ along > APART), None)
+            size = float(np.linalg.norm(mean))
+            near = next((sizes for along, sizes in found if along @ mean > APART * size), None)
             if near is None:
-                found.append((along, [mean]))
+                found.append((mean / size, [size]))
             else:
-                near.append(mean)
-    return np.array([np.mean([np.linalg.norm(m) for m in means]) - GRAVITY for _, means in found])
+                near.append(size)
+    return np.array([np.mean(sizes) - GRAVITY for _, sizes in found])
 
 
 def _rests(acc: Array, gyr: Array) -> bool:

@@ -67,8 +67,9 @@ def found(params: ZeroParams, t: Array, readings: Array, noise: Array) -> Zero:
         of = (t, readings[:, s], free[:, s], of_one)
         for a, b in runs(~free[:, s]):
             if a > 0 and b < n - 1:
-                jump[a : b + 1, s] = _jump(*of, max(walk, params.drift**2), a, b)
-                variance[a : b + 1, s] *= max(1.0, _jump(*of, walk, a, b) ** 2)
+                seemed = _jump(*of, walk, a, b)
+                jump[a : b + 1, s] = seemed if walk >= params.drift**2 else _jump(*of, params.drift**2, a, b)
+                variance[a : b + 1, s] *= max(1.0, seemed**2)
     return Zero(level, np.sqrt(variance), free, jump, drift)
 
 
