@@ -141,9 +141,9 @@ def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
 @inlined
 def read(x: Array, way: Array, k: int, H: Array) -> Array:
     """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
-    then, led = dated(x, way, way[WAY + k])
+    then, since = dated(x, way, way[WAY + k])
     reads: Array = seen(then, sight(then), k, H)
-    by_now(led, H)
+    by_now(since, H)
     return reads
 
 
@@ -161,7 +161,7 @@ def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array,
     """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
     `grown`."""
     age = way[WAY]
-    then, led = dated(x, way, age)
+    then, since = dated(x, way, age)
     at = sight(then)
     for k in range(len(mag)):
         rows = H[3 * k : 3 * k + 3]
@@ -172,10 +172,10 @@ def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array,
             continue
         if way[WAY + k] != age:
             age = way[WAY + k]
-            then, led = dated(x, way, age)
+            then, since = dated(x, way, age)
             at = sight(then)
         reads = seen(then, at, k, rows)
-        by_now(led, rows)
+        by_now(since, rows)
         for i in range(3):
             missed[3 * k + i] = mag[k, i] - reads[i]
 
