@@ -17,7 +17,7 @@ from estimators.imu_calibration import CALIBRATED, ImuCalibration
 from estimators.quaternions import Array
 from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
 from sessions.wire.assembly import correction_of, message_of
-from sessions.wire.force_told import ForceTold
+from sessions.wire.force_told import ForceTold, of_kept
 from sessions.wire.messages import StripCalibration
 
 BIAS = {
@@ -71,7 +71,7 @@ class Flash:
     def told(self, stream: Stream, slot: int) -> list[StripCalibration | ForceTold]:
         """The messages that say what is kept for a strip."""
         if FORCE in stream.quantities and self.forces and self.tells_forces:
-            return [_message(self.forces[point], slot, k) for k, point in enumerate(stream.sensors)]
+            return [m for m in of_kept(self.forces, slot, stream.sensors) if m is not None]
         return [message_of(c, slot, k) for k, c in enumerate(self.kept.get(stream.name, [ImuCalibration()] * len(stream.sensors)))]
 
     def keep(self, strip: str, message: StripCalibration) -> bool:
@@ -108,12 +108,6 @@ def require_fitting(forces: dict[str, ForceSetup], streams: Sequence[Stream]) ->
 def _calibration(setup: ForceSetup) -> ForceCalibration:
     assert setup.calibration is not None
     return setup.calibration
-
-
-def _message(setup: ForceSetup, slot: int, sensor: int) -> ForceTold:
-    numbers = (np.ravel(part).astype("<f4") for part in (_calibration(setup).offset, _calibration(setup).matrix))
-    offset, matrix = (tuple(map(float, part)) for part in numbers)
-    return ForceTold(slot, sensor, setup.scale_sd, setup.turn_sd, offset, matrix)
 
 
 def _drawn(rng: np.random.Generator) -> ImuCalibration:
