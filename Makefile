@@ -20,7 +20,7 @@ test:
 	@$(MAKE) --no-print-directory tests
 
 # Lint, format, types; the import directions and the docs are tests. What the audit finds is said and stops nobody: `make audit` does
-check: $(VENV)/develops
+check: $(VENV)/develops .types/handscope
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -55,12 +55,18 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 
 $(VENV)/runs: $(VENV)/installed
 	@echo "translating the estimators to machine code, once ..."
-	$(BIN)/python -m app.translation
+	@find app estimators sessions -name '*.nb[ic]' -delete  # code of an earlier version, perhaps of modules that were renamed
+	$(BIN)/python -P -m handscope.app.translation
 	@touch $@
 
 $(VENV)/develops: $(VENV)/installed requirements-dev.lock
 	$(call INSTALL,requirements-dev.lock)
 	@touch $@
+
+# The rooms as the one package that they are installed as: what type checkers and editors read
+.types/handscope:
+	@mkdir -p $@
+	@for part in handscope/__init__.py handscope/py.typed app estimators sessions static; do ln -sfn ../../$$part $@/; done
 
 # What a server of a hospital has besides: PostgreSQL, figures for Prometheus, object storage
 $(VENV)/serves: $(VENV)/runs requirements-server.lock
@@ -91,4 +97,4 @@ soak: $(VENV)/runs $(VENV)/develops
 	HANDSCOPE_SOAK=7200 $(BIN)/pytest tests/faults/test_soak.py -s
 
 clean:
-	rm -rf $(VENV) *.egg-info
+	rm -rf $(VENV) .types *.egg-info

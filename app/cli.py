@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from app.version import software_version
-from estimators.errors import InputError
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
 
 VERBS = {
     "demo": "serve with a virtual glove and a demonstration patient",
@@ -52,6 +52,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def _done(words: Sequence[str] | None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: more threads wait for each other
+    os.environ["PYTHONSAFEPATH"] = "1"  # no process that this one starts imports files of the folder it was started in
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(prog="handscope", description="Measure how a hand moves.", formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"handscope {software_version()}")
@@ -60,7 +61,7 @@ def _done(words: Sequence[str] | None) -> int:
     for verb, meaning in VERBS.items():
         sub = verbs.add_parser(verb, help=meaning, description=meaning, formatter_class=argparse.RawDescriptionHelpFormatter)
         if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
-            module = import_module(f"app.commands.{verb.replace('-', '_')}")
+            module = import_module(f"handscope.app.commands.{verb.replace('-', '_')}")
             module.add(sub)
             sub.set_defaults(run=module.run)
     arguments = parser.parse_args(given)
@@ -70,7 +71,7 @@ def _done(words: Sequence[str] | None) -> int:
         print(f"handscope {arguments.verb}: {mistake}", file=sys.stderr)  # noqa: T201  the user's answer
         return 2
     except Exception as problem:
-        from sessions.full_disk import FULL, is_full
+        from handscope.sessions.full_disk import FULL, is_full
 
         if not is_full(problem):
             raise

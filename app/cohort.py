@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.options import with_options
-from app.time_limit import LIMIT, within
-from app.version import software_version
-from estimators.errors import InputError
-from estimators.hand_anatomy import Hand
-from estimators.methods import ALL_METHODS
-from estimators.processing import process
-from sessions import derivative, formats
-from sessions.native import SUFFIX, file_checksum
-from sessions.writing import save_file, save_folder
+from handscope.app.options import with_options
+from handscope.app.time_limit import LIMIT, within
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import process
+from handscope.sessions import derivative, formats
+from handscope.sessions.native import SUFFIX, file_checksum
+from handscope.sessions.writing import save_file, save_folder
 
 DONE = "done.json"
 SUFFIXES = (SUFFIX, ".zip")

@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import orjson
 
-from app.report.tables import FORMULA
-from app.report.units import DEG, READABLE
-from app.version import software_version
-from estimators.marker_clusters import Rigidity
-from estimators.measures.comparison import Agreement, Consistency
-from estimators.measures.synchronisation import Lag
-from estimators.measures.tip_errors import Frame, TipError
+from handscope.app.report.tables import FORMULA
+from handscope.app.report.units import DEG, READABLE
+from handscope.app.version import software_version
+from handscope.estimators.marker_clusters import Rigidity
+from handscope.estimators.measures.comparison import Agreement, Consistency
+from handscope.estimators.measures.synchronisation import Lag
+from handscope.estimators.measures.tip_errors import Frame, TipError
 
 COLUMNS = (
     "task", "onset_s", "end_s", "name", "unit", "samples", "share", "rom_a", "rom_b", "drom",

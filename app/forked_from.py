@@ -12,9 +12,9 @@ def _ready() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as everybody who works has it; threads are not forked
-    from app import reporting, results
-    from app.replay_file import kept
-    from app.report import html, pdf
+    from handscope.app import reporting, results
+    from handscope.app.replay_file import kept
+    from handscope.app.report import html, pdf
 
     assert reporting and results and html and pdf and kept
     gc.freeze()  # what is never touched is never copied

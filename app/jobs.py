@@ -14,12 +14,12 @@ from typing import Any, TypeVar
 
 from sqlalchemy.exc import DBAPIError
 
-from app.report import Paper
-from app.working_process import DiedError, WorkingProcess
-from estimators.errors import InputError
-from sessions import results
-from sessions.results import ENDED
-from sessions.store import Store, store_at
+from handscope.app.report import Paper
+from handscope.app.working_process import DiedError, WorkingProcess
+from handscope.estimators.errors import InputError
+from handscope.sessions import results
+from handscope.sessions.results import ENDED
+from handscope.sessions.store import Store, store_at
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -105,13 +105,13 @@ def _begin(folder: Path, url: str | None) -> None:
 
 def _warm() -> None:
     """Load what every job needs before the first person waits for one."""
-    from app import reporting, results
+    from handscope.app import reporting, results
 
     assert reporting and results
 
 
 def _make(result_id: int) -> None:
-    from app.results import make
+    from handscope.app.results import make
 
     assert _store is not None
     make(_store, result_id)
@@ -119,10 +119,10 @@ def _make(result_id: int) -> None:
 
 def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = "") -> bytes:
     """In the working process: the report of a result as pdf, csv or json."""
-    from app.language import languages
-    from app.report import FORMS, Style
-    from app.report.gradings import DEFAULT, graded
-    from app.reporting import report
+    from handscope.app.language import languages
+    from handscope.app.report import FORMS, Style
+    from handscope.app.report.gradings import DEFAULT, graded
+    from handscope.app.reporting import report
 
     assert _store is not None
     with _store.database() as db:
@@ -132,8 +132,8 @@ def make_report(result_id: int, form: str, language: str = "en", paper: Paper = 
 
 def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:
     """In the working process: the replay of a result as one file."""
-    from app.language import languages
-    from app.replay_file.kept import of_result
+    from handscope.app.language import languages
+    from handscope.app.replay_file.kept import of_result
 
     assert _store is not None
     with _store.database() as db:
@@ -142,8 +142,8 @@ def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes
 
 def make_derivative(result_id: int, reasons: bool = True) -> bytes:
     """In the working process: the derivative of a result as a zip."""
-    from app.results import derivative_files
-    from sessions.motion_bids.writer import packed
+    from handscope.app.results import derivative_files
+    from handscope.sessions.motion_bids.writer import packed
 
     assert _store is not None
     with _store.database() as db:

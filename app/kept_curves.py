@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from app.live.curve import value_of
-from app.report.units import DEG
-from app.results import load_replay
-from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES
-from estimators.measures.comparison import Agreement, Pair, agreements
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
-from sessions.store import Store
-from sessions.tables import Result
+from handscope.app.live.curve import value_of
+from handscope.app.report.units import DEG
+from handscope.app.results import load_replay
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.measures.comparison import Agreement, Pair, agreements
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Result
 
 APERTURE = "aperture"
 LEAD = 1.0  # s before and after a task that two recordings run in step

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import func, select
 from sqlalchemy.exc import DBAPIError
 
-from app.live.station import Station
-from estimators.errors import InputError
-from sessions.store import free_bytes
-from sessions.tables import AuditLine, Result
+from handscope.app.live.station import Station
+from handscope.estimators.errors import InputError
+from handscope.sessions.store import free_bytes
+from handscope.sessions.tables import AuditLine, Result
 
 if TYPE_CHECKING:
-    from app.api.state import Parts
+    from handscope.app.api.state import Parts
 
 STATES = ("queued", "running", "failed")
 

@@ -4,10 +4,10 @@ import logging
 import threading
 from pathlib import Path
 
-from app.working_process import DiedError, WorkingProcess
-from sessions import kept_files
-from sessions.kept_files import Round
-from sessions.store import Store, store_at
+from handscope.app.working_process import DiedError, WorkingProcess
+from handscope.sessions import kept_files
+from handscope.sessions.kept_files import Round
+from handscope.sessions.store import Store, store_at
 
 log = logging.getLogger(__name__)
 PAUSE = 10.0  # s between two rounds

@@ -7,11 +7,11 @@ import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from app.working_process import DiedError, WorkingProcess
-from estimators.errors import InputError
-from estimators.hand_anatomy import Hand
-from sessions import records
-from sessions.records import Upload
+from handscope.app.working_process import DiedError, WorkingProcess
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import Hand
+from handscope.sessions import records
+from handscope.sessions.records import Upload
 
 DIED = "the recording could not be opened: the process that read it ended, perhaps for want of memory; split the recording and try again"
 

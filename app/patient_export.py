@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from app.version import software_version
-from app.working_process import CONTEXT, heed_the_server_alone
-from estimators.errors import InputError
-from sessions import patient_export
-from sessions.store import Store, store_at
+from handscope.app.version import software_version
+from handscope.app.working_process import CONTEXT, heed_the_server_alone
+from handscope.estimators.errors import InputError
+from handscope.sessions import patient_export
+from handscope.sessions.store import Store, store_at
 
 PIECE = 2**16
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS
-from estimators.quaternions import Array
-from estimators.simulation.captured import Markers
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.captured import Markers
 
 BACK = ("hand_top", "hand_left", "hand_right")
 ELBOWS = ("left_elbow", "right_elbow")

@@ -5,13 +5,13 @@ from typing import Literal, cast
 
 from sqlalchemy.orm import object_session
 
-from app.report.changes import Changes, changes
-from app.report.content import Content, Visit
-from app.results import load_report
-from sessions import records, repeatability
-from sessions.course import Course, course
-from sessions.store import Store
-from sessions.tables import Result
+from handscope.app.report.changes import Changes, changes
+from handscope.app.report.content import Content, Visit
+from handscope.app.results import load_report
+from handscope.sessions import records, repeatability
+from handscope.sessions.course import Course, course
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Result
 
 
 def changes_of(result: Result) -> Changes | None:

@@ -17,33 +17,33 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, object_session
 from sqlalchemy.orm.exc import StaleDataError
 
-from app import time_limit
-from app.options import with_options
-from app.protocols import offered
-from app.report import self_calibration
-from app.report.content import Content, Visit, content
-from app.report.kept import packed, unpacked
-from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENT
-from estimators.measures.accuracy import accuracy_of
-from estimators.measures.assessment import TaskResult, assess
-from estimators.measures.excursions import repetitions
-from estimators.measures.shown import Shown, thinned
-from estimators.measures.tapping import Tapping
-from estimators.methods import ALL_METHODS
-from estimators.processing import Processed, process
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.trajectory import Trajectory
-from sessions import corrections, derivative, kept_files, records, self_calibrations, trunk_height
-from sessions.full_disk import FULL, is_full
-from sessions.number_table import Data
-from sessions.recording import LoadedRecording
-from sessions.results import UNFINISHED, begin, fail
-from sessions.store import Store
-from sessions.tables import Result
-from sessions.trajectory_table import measured_segments
-from sessions.writing import save_file
+from handscope.app import time_limit
+from handscope.app.options import with_options
+from handscope.app.protocols import offered
+from handscope.app.report import self_calibration
+from handscope.app.report.content import Content, Visit, content
+from handscope.app.report.kept import packed, unpacked
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.measures.accuracy import accuracy_of
+from handscope.estimators.measures.assessment import TaskResult, assess
+from handscope.estimators.measures.excursions import repetitions
+from handscope.estimators.measures.shown import Shown, thinned
+from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import Processed, process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions import corrections, derivative, kept_files, records, self_calibrations, trunk_height
+from handscope.sessions.full_disk import FULL, is_full
+from handscope.sessions.number_table import Data
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.results import UNFINISHED, begin, fail
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Result
+from handscope.sessions.trajectory_table import measured_segments
+from handscope.sessions.writing import save_file
 
 LOOK, STEP = 0.5, 0.05  # s, share: how often progress is kept
 REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves

@@ -11,8 +11,8 @@ from starlette.middleware import Middleware
 from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from app import language, metrics, protocols
-from app.api import (
+from handscope.app import language, metrics, protocols
+from handscope.app.api import (
     accounts,
     errors,
     languages,
@@ -27,20 +27,20 @@ from app.api import (
     sign_on,
     stations,
 )
-from app.api.access import Gate
-from app.api.roles import EVERY_ACCOUNT, May
-from app.api.state import Parts
-from app.jobs import Jobs
-from app.live.station import Station
-from app.live.stations import Stations
-from app.moving_out import MovingOut
-from app.opening import Opening
-from app.settings import Settings
-from app.version import software_version
-from estimators.errors import InputError
-from sessions import records
-from sessions import self_calibrations as kept_calibrations
-from sessions.store import Store, open_store
+from handscope.app.api.access import Gate
+from handscope.app.api.roles import EVERY_ACCOUNT, May
+from handscope.app.api.state import Parts
+from handscope.app.jobs import Jobs
+from handscope.app.live.station import Station
+from handscope.app.live.stations import Stations
+from handscope.app.moving_out import MovingOut
+from handscope.app.opening import Opening
+from handscope.app.settings import Settings
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions import records
+from handscope.sessions import self_calibrations as kept_calibrations
+from handscope.sessions.store import Store, open_store
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 from urllib.parse import quote_plus, urlencode
 
-from estimators.errors import InputError
-from sessions.accounts import LONGEST_SUBJECT, ROLES
+from handscope.estimators.errors import InputError
+from handscope.sessions.accounts import LONGEST_SUBJECT, ROLES
 
 ALGORITHMS = ["RS256", "PS256", "ES256"]  # signed with the provider's private key; never none, never a shared secret
 PATIENCE = 10.0  # s for the provider to answer

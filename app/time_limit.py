@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 LIMIT = 1800.0  # s; the longest recording that is kept (an hour, 17 sensors) takes some minutes
 

@@ -6,15 +6,15 @@ some seconds of simulated movement. The code is kept; two processes that transla
 
 import numpy as np
 
-from estimators import magnet_setup, magnet_smoothing, magnet_tracking, methods, zero_velocity
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_start import Setup
-from estimators.magnet_tracking import Readings
-from estimators.processing import process
-from estimators.simulation import artificial_finger, magnet
-from estimators.simulation.magnetic_field import EARTH, homogeneous
-from estimators.simulation.sensors import SensorErrors
-from sessions.wire import stuffing
+from handscope.estimators import magnet_setup, magnet_smoothing, magnet_tracking, methods, zero_velocity
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_tracking import Readings
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import artificial_finger, magnet
+from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions.wire import stuffing
 
 IMPORTED = (zero_velocity,)  # that nothing below imports
 

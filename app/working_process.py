@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 CONTEXT = multiprocessing.get_context("forkserver") if sys.platform == "linux" else multiprocessing.get_context("spawn")
-CONTEXT.set_forkserver_preload(["app.forked_from"])
+CONTEXT.set_forkserver_preload(["handscope.app.forked_from"])
 
 
 class DiedError(Exception):

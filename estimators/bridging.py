@@ -9,7 +9,7 @@ Source  Hermite interpolation; a movement of frequency f is missed by (2 pi f L)
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.quaternions import Array
+from handscope.estimators.quaternions import Array
 
 FREQUENCY = 3.0  # Hz, ours: fast finger movements
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimators.hand_anatomy import Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 
 @dataclass(frozen=True)

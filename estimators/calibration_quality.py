@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS
 
 DEG = np.pi / 180
 Grade = Literal["good", "fair", "poor", "none"]

@@ -6,9 +6,9 @@ Source      Salchow-Hoemmen 2019, 2.3, (7)-(16), after Leclercq et al. 2013
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import rowwise
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import rowwise
+from handscope.estimators.quaternions import Array
 
 ROW = np.zeros(8)  # of the length of a dual quaternion, where nothing that a compiled row takes has it
 

@@ -16,20 +16,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.compiled import inlined, rowwise
-from estimators.finger_ekf import Samples
-from estimators.forward_kinematics import CHAIN_SEGMENTS
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.missing_samples import complete_row
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
-from estimators.sensor_fusion import LOST_DOUBT
-from estimators.small_matrices import put
-from estimators.time_base import Rows
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.finger_ekf import Samples
+from handscope.estimators.forward_kinematics import CHAIN_SEGMENTS
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.missing_samples import complete_row
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
+from handscope.estimators.sensor_fusion import LOST_DOUBT
+from handscope.estimators.small_matrices import put
+from handscope.estimators.time_base import Rows
+from handscope.estimators.trajectory import Flag
 
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]

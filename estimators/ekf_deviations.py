@@ -9,14 +9,14 @@ import math
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
-from estimators.ekf_updates import angle_jacobian_row
-from estimators.forward_kinematics import CHAIN_JOINTS
-from estimators.hand_anatomy import JOINT
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.small_matrices import variance_of
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.ekf_updates import angle_jacobian_row
+from handscope.estimators.forward_kinematics import CHAIN_JOINTS
+from handscope.estimators.hand_anatomy import JOINT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import variance_of
 
 JOINTS_OF: Array = np.vstack([CHAIN_JOINTS, np.full(3, JOINT["wrist"])]).astype(float)  # (6 chains, 3) as kernels take them
 

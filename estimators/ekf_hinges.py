@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.ekf_updates import CORRELATION, DIMENSION_NOISE
-from estimators.quaternions import Array
-from estimators.small_matrices import variance_of
+from handscope.estimators.compiled import inlined
+from handscope.estimators.ekf_updates import CORRELATION, DIMENSION_NOISE
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import variance_of
 
 ASSUMED = 2.0  # samples that the option counts as: one of each axis of a hinge
 ANOTHER = 1.0  # rad that a joint turns by until how it gives is another

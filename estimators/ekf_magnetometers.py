@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import inlined
-from estimators.ekf_seats import APART
-from estimators.ekf_windows import MAG_GATE, MAG_NOISE
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.small_matrices import variance_of
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined
+from handscope.estimators.ekf_seats import APART
+from handscope.estimators.ekf_windows import MAG_GATE, MAG_NOISE
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import variance_of
 
 LEAST = 3.0  # uT: a horizontal field that is weaker tells no heading
 UNLIKELY = 3.0  # standard deviations

@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import inlined
-from estimators.ekf_seats import SIZE, put_right
-from estimators.ekf_updates import CREEPING, REST_RATE
-from estimators.kalman import correct
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined
+from handscope.estimators.ekf_seats import SIZE, put_right
+from handscope.estimators.ekf_updates import CREEPING, REST_RATE
+from handscope.estimators.kalman import correct
+from handscope.estimators.quaternions import Array
 
 REST = 1.5  # s that a sensor has to rest before its rate counts as bias: VQF's restMinT
 ASSUMED = 12.0  # differences that the option counts as: those of one rest of a chain's sensors

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.compiled import inlined
-from estimators.hand_anatomy import FLEXION
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.small_matrices import block, product
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined
+from handscope.estimators.hand_anatomy import FLEXION
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, product
 
 ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
 SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/ekf_magnetometers.py); nothing where it is not asked for

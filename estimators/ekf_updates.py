@@ -14,15 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import hand_anatomy, joint_angles
-from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
-from estimators.ekf_seats import SIZE
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.small_matrices import variance_of
+from handscope.estimators import hand_anatomy, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.ekf_seats import SIZE
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import variance_of
 
 SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
 FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same

@@ -10,12 +10,12 @@ Limits  seats count as straight where biases are told of joints; scales of accel
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import inlined
-from estimators.ekf_updates import ACC_BIAS, INCLINATION, INCLINATION_TIME, TURNING
-from estimators.gravity import GRAVITY
-from estimators.quaternions import Array
-from estimators.small_matrices import spread
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined
+from handscope.estimators.ekf_updates import ACC_BIAS, INCLINATION, INCLINATION_TIME, TURNING
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import spread
 
 
 @inlined

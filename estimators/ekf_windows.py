@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 
-from estimators import ekf_seats
-from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
-from estimators.ekf_seats import APART
-from estimators.ekf_updates import ACC_BIAS
-from estimators.quaternions import Array
-from estimators.small_matrices import block, product, put, spread
+from handscope.estimators import ekf_seats
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.ekf_seats import APART
+from handscope.estimators.ekf_updates import ACC_BIAS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, product, put, spread
 
 # places of the options in what a kernel takes of them
 (GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(ACC_BIAS + 1, ACC_BIAS + 7)

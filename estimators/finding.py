@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from estimators.samples import Block, join
+from handscope.estimators.samples import Block, join
 
 
 @dataclass(frozen=True)

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import ekf_hinges, ekf_magnetometers, ekf_rests, ekf_seats, ekf_updates, ekf_verticals, ekf_windows
-from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
-from estimators.ekf_magnetometers import MagnetometerParams
-from estimators.ekf_seats import APART, SIZE, SeatParams, Seats, put_right
-from estimators.ekf_updates import IS_FREE, LIMITS, RATE_GATE, UpdateParams
-from estimators.ekf_windows import MAG_ERROR
-from estimators.kalman import correct
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.small_matrices import put, spread
+from handscope.estimators import ekf_hinges, ekf_magnetometers, ekf_rests, ekf_seats, ekf_updates, ekf_verticals, ekf_windows
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.ekf_magnetometers import MagnetometerParams
+from handscope.estimators.ekf_seats import APART, SIZE, SeatParams, Seats, put_right
+from handscope.estimators.ekf_updates import IS_FREE, LIMITS, RATE_GATE, UpdateParams
+from handscope.estimators.ekf_windows import MAG_ERROR
+from handscope.estimators.kalman import correct
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import put, spread
 
 Bools = NDArray[np.bool_]
 UPDATED = (  # fields of a state that an update changes, in the order of its kernel

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, IS_DOF, JOINT, SEGMENT, side_sign
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, IS_DOF, JOINT, SEGMENT, side_sign
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

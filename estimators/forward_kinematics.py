@@ -7,12 +7,12 @@ Source  Salchow-Hoemmen 2019, (23)-(27)
 
 import numpy as np
 
-from estimators import dual_quaternions as dual
-from estimators import quaternions as quat
-from estimators.compiled import rowwise
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, SEGMENT, SEGMENTS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.estimators import dual_quaternions as dual
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import rowwise
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, SEGMENT, SEGMENTS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 CHAIN_JOINTS = np.array([[JOINT[name] for name in FINGER_JOINTS[finger]] for finger in FINGERS])  # (5 fingers, 3 joints)
 CHAIN_SEGMENTS = np.array([[SEGMENT[name] for name in CHAINS[finger]] for finger in FINGERS])  # (5 fingers, 3 segments)

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event, Recording, Stream
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Event, Recording, Stream
 
 USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: GRAVITY * np.array([2.0, 4.0, 8.0, 16.0])}
 LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}

@@ -13,14 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import initial_pose, mounting_fit
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.functional_steps import STEPS, FunctionalParams, Piece
-from estimators.hand_anatomy import CHAINS, FINGERS, side_sign
-from estimators.mounting_fit import Sight
-from estimators.quaternions import Array
-from estimators.sensor_fusion import upright
+from handscope.estimators import initial_pose, mounting_fit
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.functional_steps import STEPS, FunctionalParams, Piece
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, side_sign
+from handscope.estimators.mounting_fit import Sight
+from handscope.estimators.quaternions import Array
+from handscope.estimators.sensor_fusion import upright
 
 DEG = np.pi / 180
 Z = np.array([0.0, 0.0, 1.0])

@@ -11,15 +11,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimators import initial_pose
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
-from estimators.hinge_axes import Bending, CommonRotation, bending, common_rotation
-from estimators.initial_pose import PoseParams
-from estimators.missing_samples import complete
-from estimators.mounting_fit import Movement
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import GYR, Block
+from handscope.estimators import initial_pose
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.hinge_axes import Bending, CommonRotation, bending, common_rotation
+from handscope.estimators.initial_pose import PoseParams
+from handscope.estimators.missing_samples import complete
+from handscope.estimators.mounting_fit import Movement
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import GYR, Block
 
 DEG = np.pi / 180
 RATE = 100.0  # Hz, common time base of a movement

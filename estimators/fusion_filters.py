@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from vqf import VQF
 
-from estimators.options import option
-from estimators.quaternions import Array
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
 
 
 @dataclass(frozen=True, kw_only=True)

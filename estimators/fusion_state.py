@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fusion_filters import Filters
-from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.trajectory import Flag
+from handscope.estimators.fusion_filters import Filters
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.trajectory import Flag
 
 LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
 

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from estimators.quaternions import Array
+from handscope.estimators.quaternions import Array
 
 Hand = Literal["left", "right"]
 HANDS: tuple[Hand, Hand] = ("left", "right")

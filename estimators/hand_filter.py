@@ -13,14 +13,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.gravity import GRAVITY
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block
-from estimators.sensor_fusion import upright
-from estimators.zero_velocity import likelihood_ratio
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block
+from handscope.estimators.sensor_fusion import upright
+from handscope.estimators.zero_velocity import likelihood_ratio
 
 P, V, TH, BG, BA = (slice(3 * k, 3 * k + 3) for k in range(5))
 UP = np.array([0.0, 0.0, GRAVITY])

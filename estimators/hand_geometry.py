@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS, Hand, side_sign
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS, Hand, side_sign
+from handscope.estimators.quaternions import Array
 
 MEAN_HAND_LENGTH, MEAN_HAND_BREADTH = 0.187, 0.085
 THUMB_ANGLE = np.radians(58.0)  # between wrist-MCP3 and wrist-CMC

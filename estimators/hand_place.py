@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_setup, magnet_smoothing, magnet_streams, magnet_tracking
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_plate import Plate
-from estimators.magnet_start import Setup
-from estimators.magnet_streams import HAND, Waiting
-from estimators.magnet_tracking import Readings, Track
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
-from estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
+from handscope.estimators import magnet_setup, magnet_smoothing, magnet_streams, magnet_tracking
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_streams import HAND, Waiting
+from handscope.estimators.magnet_tracking import Readings, Track
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
+from handscope.estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 
 WORTH_SAYING = 0.001  # share of flagged samples
 LATE, SURE_OF_IT = 0.01, 4.0  # s of lateness, and standard deviations of it, from which on it is said

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.compiled import inlined, rowwise
-from estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS, chained_row, places_row
-from estimators.hand_anatomy import CHILDREN, IS_DOF, JOINT, LIMITS, PARENTS, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.small_matrices import put
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, rowwise
+from handscope.estimators.forward_kinematics import CHAIN_JOINTS, CHAIN_SEGMENTS, chained_row, places_row
+from handscope.estimators.hand_anatomy import CHILDREN, IS_DOF, JOINT, LIMITS, PARENTS, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import put
 
 # anatomy as kernels take it
 _PARENTS, _CHILDREN, _FREE = PARENTS.astype(float), CHILDREN.astype(float), IS_DOF.astype(float)

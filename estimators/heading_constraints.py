@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.compiled import rowwise, told_by_row
-from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
-from estimators.options import option
-from estimators.quaternions import Array
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import rowwise, told_by_row
+from handscope.estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, JOINTS, LIMITS, PARENTS, PRONATION, SEGMENT, SEGMENTS
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 UPDATE = 0.2  # s of recording between two looks at the joints

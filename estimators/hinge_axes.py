@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
 
 SLOW = 0.05  # rad/s, ours: perpendicular rates below count fully, however still the rest
 REWEIGHTINGS = 8

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimators.compiled import rowwise
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG
+from handscope.estimators.compiled import rowwise
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG
 
 CALIBRATED = (GYR, ACC, MAG)  # order on the wire
 

@@ -13,19 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.calibration import Calibration, SensorQuality
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.missing_samples import complete
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Event, Stream
-from estimators.sensor_fusion import upright
-from estimators.time_base import measured_rates
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration, SensorQuality
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.missing_samples import complete
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Event, Stream
+from handscope.estimators.sensor_fusion import upright
+from handscope.estimators.time_base import measured_rates
 
 RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
 QUARTERS = 4  # pieces a second, of whose means the standard deviation of a mean is told: longer than a period of tremor

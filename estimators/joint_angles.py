@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import rowwise
-from estimators.hand_anatomy import ANGLES as ANGLES
-from estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, LIMITS, PARENTS, PRONATION
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import rowwise
+from handscope.estimators.hand_anatomy import ANGLES as ANGLES
+from handscope.estimators.hand_anatomy import CHILDREN, DEVIATION, FLEXION, IS_DOF, LIMITS, PARENTS, PRONATION
+from handscope.estimators.quaternions import Array
 
 _FREE: Array = IS_DOF.astype(float)  # as a kernel takes it
 

@@ -14,17 +14,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.self_calibration import covariance, hand_equations, hand_problem, normal_equations, posterior, residuals
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.hand_problem import HandPlace
-from estimators.self_calibration.normal_equations import Factor, Step
-from estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Readings, Unknowns, bent, chain, columns, measured, posed
-from estimators.self_calibration.residuals import NUMEROV, Terms
-from estimators.self_calibration.words import ROUNDED
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import covariance, hand_equations, hand_problem, normal_equations, posterior, residuals
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.hand_problem import HandPlace
+from handscope.estimators.self_calibration.normal_equations import Factor, Step
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Indices,
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    bent,
+    chain,
+    columns,
+    measured,
+    posed,
+)
+from handscope.estimators.self_calibration.residuals import NUMEROV, Terms
+from handscope.estimators.self_calibration.words import ROUNDED
 
 SPREAD = (1.0, 99.0)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
 RIGID = 1e-3  # share of skin's movement that nobody notices

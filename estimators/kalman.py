@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.quaternions import Array
-from estimators.small_matrices import clear
+from handscope.estimators.compiled import inlined
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import clear
 
 
 @inlined

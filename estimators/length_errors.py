@@ -12,9 +12,9 @@ Limits  bones measured one by one err each for itself, by `length_sd`, and so do
 
 import numpy as np
 
-from estimators.hand_anatomy import CHAINS, FINGERS
-from estimators.hand_geometry import RATIOS, TIP_TISSUE_SD, HandGeometry, root_joint
-from estimators.quaternions import Array
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.estimators.hand_geometry import RATIOS, TIP_TISSUE_SD, HandGeometry, root_joint
+from handscope.estimators.quaternions import Array
 
 MEASURED_SD = 1e-3  # m, of a length taken by calipers
 BREADTH_SD = 0.045  # of itself, where it was not measured

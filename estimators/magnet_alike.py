@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from estimators import dipole
-from estimators.magnet_fit import OF_ONE, SLOPES, Told, linear, residuals
-from estimators.quaternions import Array
+from handscope.estimators import dipole
+from handscope.estimators.magnet_fit import OF_ONE, SLOPES, Told, linear, residuals
+from handscope.estimators.quaternions import Array
 
 
 class Kind(NamedTuple):

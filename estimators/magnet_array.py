@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.force.contact import runs
-from estimators.force.interpolation import noise_of
-from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
-from estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.contact import runs
+from handscope.estimators.force.interpolation import noise_of
+from handscope.estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
+from handscope.estimators.quaternions import Array
 
 UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
 SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.quaternions import Array
-from estimators.small_matrices import block, product, put, spread
+from handscope.estimators.compiled import inlined
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, product, put, spread
 
 P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
 OWN = 30  # errors of trunk and hand; behind them what does not move

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import dipole
-from estimators.quaternions import Array
+from handscope.estimators import dipole
+from handscope.estimators.quaternions import Array
 
 GRID = 14  # places along each edge of the volume: even, so that none lies between two octants
 ROUNDS = 30

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.magnet_filter import (
+from handscope.estimators.compiled import inlined
+from handscope.estimators.magnet_filter import (
     BBA,
     BBG,
     BTA,
@@ -39,8 +39,8 @@ from estimators.magnet_filter import (
     skew,
     transposed,
 )
-from estimators.quaternions import Array
-from estimators.small_matrices import block, clear
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, clear
 
 ON_ITS_WAY = 4.0  # standard deviations of the velocity beyond which a hand is no hand that stands still
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.magnet_alike import KINDS, Alike, kinds
-from estimators.magnet_array import together
-from estimators.quaternions import Array
+from handscope.estimators.magnet_alike import KINDS, Alike, kinds
+from handscope.estimators.magnet_array import together
+from handscope.estimators.quaternions import Array
 
 HALF = 0.02  # s to each side over which a change is looked at: quieter than between neighbours, and movement is straight for so long
 FARTHEST = 0.25  # s between readings: what is further apart says nothing of the change in between

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.magnet_filter import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XTG, back, chained, matrix, skew, times, turned
-from estimators.quaternions import Array
-from estimators.small_matrices import block
+from handscope.estimators.compiled import inlined
+from handscope.estimators.magnet_filter import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XTG, back, chained, matrix, skew, times, turned
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block
 
 WAY = 22  # behind it how old each magnetometer's reading is at the newest inertial samples, s
 TELLS = 21  # how readings are taken to depend on lateness

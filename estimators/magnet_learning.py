@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import hand_place, magnet_tracking
-from estimators.errors import InputError
-from estimators.hand_place import PlaceParams
-from estimators.magnet_filter import LEV, MOM
-from estimators.magnet_plate import Place, Plate
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import Block
+from handscope.estimators import hand_place, magnet_tracking
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_place import PlaceParams
+from handscope.estimators.magnet_filter import LEV, MOM
+from handscope.estimators.magnet_plate import Place, Plate
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
 
 FOLLOWED = 0.3  # share of the recording for which the hand must have been followed
 MODEL = 0.015  # of the moment: the dipole as a model, and how strong the earth's field is told

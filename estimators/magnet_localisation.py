@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.magnet_fit import ROUNDS, Told, by_places, improved, residuals, starts
-from estimators.magnet_setup import Constellation, require_field
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet_fit import ROUNDS, Told, by_places, improved, residuals, starts
+from handscope.estimators.magnet_setup import Constellation, require_field
+from handscope.estimators.quaternions import Array
 
 REGIONS = 2  # along each edge: the best place of every octant around the array is a start
 AMBIGUOUS = 12.0  # a second place whose cost is less than this above the best one's cannot be ruled out

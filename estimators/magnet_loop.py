@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from estimators.compiled import inlined, looped
-from estimators.dipole import MU0_4PI
-from estimators.kalman import correct, explained
-from estimators.magnet_filter import (
+from handscope.estimators.compiled import inlined, looped
+from handscope.estimators.dipole import MU0_4PI
+from handscope.estimators.kalman import correct, explained
+from handscope.estimators.magnet_filter import (
     B_,
     LEV,
     MOM,
@@ -37,12 +37,12 @@ from estimators.magnet_filter import (
     stepped,
     widened,
 )
-from estimators.magnet_inertial import inertial
-from estimators.magnet_lateness import TELLS, WAY, considered, dependence, settled, went_on
-from estimators.magnet_reading import EVIDENCE, answered, compared, kept, led, magnetometers, read, searched, sought
-from estimators.magnet_trace import Trace, alone, beside, foreseen, told_of
-from estimators.quaternions import Array
-from estimators.small_matrices import block, put, spread
+from handscope.estimators.magnet_inertial import inertial
+from handscope.estimators.magnet_lateness import TELLS, WAY, considered, dependence, settled, went_on
+from handscope.estimators.magnet_reading import EVIDENCE, answered, compared, kept, led, magnetometers, read, searched, sought
+from handscope.estimators.magnet_trace import Trace, alone, beside, foreseen, told_of
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, put, spread
 
 WIDE = 0.06  # m: a place less sure than this is searched for in the whole volume
 GATE = 5.0  # normalised innovation squared a degree of freedom from which a reading is left out

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.gravity import GRAVITY
-from estimators.magnet_filter import Sizes
-from estimators.options import option
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.magnet_filter import Sizes
+from handscope.estimators.options import option
 
 DEG = np.pi / 180
 TURNED = 0.5  # rad of a turn in one go, at the end of which a walk by turning has grown to what gravity has then changed by along an axis

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 Place = tuple[float, float, float]
 

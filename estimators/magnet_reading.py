@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.dipole import MU0_4PI
-from estimators.kalman import explained, reduced
-from estimators.magnet_filter import (
+from handscope.estimators.compiled import inlined
+from handscope.estimators.dipole import MU0_4PI
+from handscope.estimators.kalman import explained, reduced
+from handscope.estimators.magnet_filter import (
     B_,
     LEV,
     MOM,
@@ -39,9 +39,9 @@ from estimators.magnet_filter import (
     times,
     transposed,
 )
-from estimators.magnet_lateness import WAY, by_now, dated
-from estimators.quaternions import Array
-from estimators.small_matrices import block, clear, product
+from handscope.estimators.magnet_lateness import WAY, by_now, dated
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import block, clear, product
 
 TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # slopes of a field as five of the same size
 ITERATIONS = 12

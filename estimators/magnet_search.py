@@ -11,14 +11,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import magnet_alike, magnet_late, magnet_localisation, magnet_second, magnet_uneven
-from estimators import quaternions as quat
-from estimators.magnet_alike import Alike
-from estimators.magnet_fit import SLOPES, Told, by_places
-from estimators.magnet_late import Late
-from estimators.magnet_localisation import Located
-from estimators.magnet_setup import Constellation
-from estimators.quaternions import Array
+from handscope.estimators import magnet_alike, magnet_late, magnet_localisation, magnet_second, magnet_uneven
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_alike import Alike
+from handscope.estimators.magnet_fit import SLOPES, Told, by_places
+from handscope.estimators.magnet_late import Late
+from handscope.estimators.magnet_localisation import Located
+from handscope.estimators.magnet_setup import Constellation
+from handscope.estimators.quaternions import Array
 
 AGAIN = 8  # rounds in which readings that are late are moved
 FEWEST, TAUGHT, TAKEN = 10, 200, 256  # readings that tell what errs alike, at least and at most; from which it is taken off at once

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from estimators import dipole
-from estimators import quaternions as quat
-from estimators.magnet_fit import OF_ONE, SLOPES, Told, by_places, improved, residuals, starts
-from estimators.magnet_localisation import Located
-from estimators.magnet_setup import Constellation
-from estimators.quaternions import Array
+from handscope.estimators import dipole
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_fit import OF_ONE, SLOPES, Told, by_places, improved, residuals, starts
+from handscope.estimators.magnet_localisation import Located
+from handscope.estimators.magnet_setup import Constellation
+from handscope.estimators.quaternions import Array
 
 FEWEST = 8  # magnetometers: nine axes above the unknowns of two magnets and the field
 ROUNDS = 15

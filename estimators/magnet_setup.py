@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
 
 WIDEST, CLOSEST = 1.0, 0.004  # m between two magnetometers on one trunk: further is no trunk, nearer is no metre
 FARTHEST = 1.5  # m of a magnetometer from the base's inertial sensor

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.compiled import inlined, looped
-from estimators.magnet_filter import (
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import inlined, looped
+from handscope.estimators.magnet_filter import (
     B_,
     BBA,
     BBG,
@@ -37,12 +37,12 @@ from estimators.magnet_filter import (
     XVB,
     moved,
 )
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_start import as_told
-from estimators.magnet_trace import Trace, beside, traced
-from estimators.magnet_tracking import Readings, State, Track, joined, part, step
-from estimators.quaternions import Array
-from estimators.small_matrices import put, spread
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_start import as_told
+from handscope.estimators.magnet_trace import Trace, beside, traced
+from handscope.estimators.magnet_tracking import Readings, State, Track, joined, part, step
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import put, spread
 
 ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
 

@@ -10,8 +10,8 @@ Limits  a magnet that is hardly heard may move unseen
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.quaternions import Array
-from estimators.zero_velocity import likelihood_ratios
+from handscope.estimators.quaternions import Array
+from handscope.estimators.zero_velocity import likelihood_ratios
 
 SLIDE = 48  # samples over which a slow slide shows in the magnet's field
 SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise

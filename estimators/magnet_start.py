@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import dipole
-from estimators import quaternions as quat
-from estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
-from estimators.magnet_localisation import Located, located
-from estimators.magnet_options import CALIBRATED, DEG, OF_FIVE, MagnetParams, sizes
-from estimators.magnet_setup import Constellation, Magnet
-from estimators.quaternions import Array
-from estimators.sensor_fusion import upright
+from handscope.estimators import dipole
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_filter import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
+from handscope.estimators.magnet_localisation import Located, located
+from handscope.estimators.magnet_options import CALIBRATED, DEG, OF_FIVE, MagnetParams, sizes
+from handscope.estimators.magnet_setup import Constellation, Magnet
+from handscope.estimators.quaternions import Array
+from handscope.estimators.sensor_fusion import upright
 
 ROOM = 1e-6  # T by which the field of a room differs from the earth's
 LEVEL = (

@@ -12,9 +12,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from estimators.magnet_tracking import Readings
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNETOMETERS, Block, Stream, join
+from handscope.estimators.magnet_tracking import Readings
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNETOMETERS, Block, Stream, join
 
 HOLE = 2.5  # periods between two samples that are still neighbours
 HAND = "hand"

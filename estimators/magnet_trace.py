@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.magnet_filter import OWN
-from estimators.quaternions import Array
-from estimators.small_matrices import cholesky, clear, lowered, product, put, raised, spread
+from handscope.estimators.compiled import inlined
+from handscope.estimators.magnet_filter import OWN
+from handscope.estimators.quaternions import Array
+from handscope.estimators.small_matrices import cholesky, clear, lowered, product, put, raised, spread
 
 
 class Trace(NamedTuple):

@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
-from estimators import magnet_standstill, magnet_start
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.magnet_filter import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
-from estimators.magnet_lateness import WAY
-from estimators.magnet_loop import MOODS, WIDE, followed
-from estimators.magnet_options import DEG, MagnetParams, sizes
-from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
-from estimators.magnet_start import Setup
-from estimators.magnet_trace import Trace, rows_of, traced
-from estimators.quaternions import Array
+from handscope.estimators import magnet_standstill, magnet_start
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.magnet_filter import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
+from handscope.estimators.magnet_lateness import WAY
+from handscope.estimators.magnet_loop import MOODS, WIDE, followed
+from handscope.estimators.magnet_options import DEG, MagnetParams, sizes
+from handscope.estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_trace import Trace, rows_of, traced
+from handscope.estimators.quaternions import Array
 
 ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
 LISTENED = (32, 256)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from estimators.magnet_fit import SLOPES, Told, linear, residuals
-from estimators.quaternions import Array
+from handscope.estimators.magnet_fit import SLOPES, Told, linear, residuals
+from handscope.estimators.quaternions import Array
 
 FEWEST = 7  # magnetometers: seven axes above the unknowns of magnet, field and slopes
 CHANCE = 0.01  # below which errors that are everywhere the same hardly look so; slopes that are none only cost certainty

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.imu_calibration import ImuCalibration
-from estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
-from estimators.quaternions import Array
-from estimators.samples import MAG
-from estimators.six_positions import Solved
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.estimators.magnetometer_sphere import Sphere, common_axes, fitted, not_on_the_plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG
+from handscope.estimators.six_positions import Solved
 
 AGAINST_GRAVITY = "how the magnetometers are turned against gravity: no inertial sensor was beside them"
 

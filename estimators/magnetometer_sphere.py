@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hinge_axes import common_rotation
-from estimators.imu_calibration import ImuCalibration
-from estimators.quaternions import Array
-from estimators.samples import MAG
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hinge_axes import common_rotation
+from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG
 
 FEWEST = 50  # readings
 MOST = 4000  # readings that are fitted: more are thinned out evenly

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream, join
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Stream, join
 
 MOST_AGE = 0.25  # s that a magnetometer sample counts
 MOST_KEPT = 600.0  # s of magnetometer samples that are kept for a stream that has not got that far

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 NAME = re.compile(rf"(?:.*:)?(?P<segment>{'|'.join(SEGMENTS)})_\d+$", re.IGNORECASE)  # a subject's name before a colon is passed over
 TIP = re.compile(rf"(?:.*:)?(?P<finger>{'|'.join(FINGERS)})_tip$", re.IGNORECASE)

@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import told_by_row
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, SATURATION, Block, beyond_row
+from handscope.estimators.compiled import told_by_row
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, SATURATION, Block, beyond_row
 
 
 def complete(block: Block) -> NDArray[np.bool_]:

@@ -18,12 +18,12 @@ from functools import cached_property
 
 import numpy as np
 
-from estimators import initial_pose
-from estimators import quaternions as quat
-from estimators.finding import Finding
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event
+from handscope.estimators import initial_pose
+from handscope.estimators import quaternions as quat
+from handscope.estimators.finding import Finding
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Event
 
 OFF = np.radians(45.0)  # from here on the next right angle is nearer than the nominal mounting
 EXCHANGED = np.radians(30.0)  # mean misfit of two strips in their own places ...

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINTS, Hand, Joint, side_sign
-from estimators.quaternions import Array
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import JOINTS, Hand, Joint, side_sign
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 LOOKS = 6.0  # in one movement: there and back three times

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators import (
+from handscope.estimators import (
     full_scales,
     functional_calibration,
     functional_steps,
@@ -17,16 +17,16 @@ from estimators import (
     sensor_checks,
     trajectory,
 )
-from estimators.calibration import Calibration, Known
-from estimators.errors import InputError
-from estimators.finding import Finding, whole_streams
-from estimators.force import fingertip_forces
-from estimators.functional_steps import STEPS, Piece
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.run import run
-from estimators.samples import MAG, Block, Event, Recording, join
-from estimators.time_base import measured_rates
-from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
+from handscope.estimators.calibration import Calibration, Known
+from handscope.estimators.errors import InputError
+from handscope.estimators.finding import Finding, whole_streams
+from handscope.estimators.force import fingertip_forces
+from handscope.estimators.functional_steps import STEPS, Piece
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.run import run
+from handscope.estimators.samples import MAG, Block, Event, Recording, join
+from handscope.estimators.time_base import measured_rates
+from handscope.estimators.trajectory import FLAG_WORDS, Flag, Trajectory
 
 WITHOUT_POSE = "the recording has no initial_pose event"
 BEGINNING = 3.0  # s of samples that tell a rate where there is no pose

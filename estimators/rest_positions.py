@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.options import option
-from estimators.quaternions import Array
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
 
 NEIGHBOUR = np.radians(20.0)  # positions closer than this count as one
 ODD_RATE = np.radians(2.0)  # rad/s that the mean rate of a stretch may differ from the median of all

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from estimators import trajectory
-from estimators.calibration import Calibration
-from estimators.samples import GYR, Block, Stream, join
-from estimators.trajectory import Trajectory
+from handscope.estimators import trajectory
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.samples import GYR, Block, Stream, join
+from handscope.estimators.trajectory import Trajectory
 
 PIECE = 2048  # samples at a time: what a step makes of them stays in the processor's cache
 

@@ -11,14 +11,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from estimators import functional_steps, hand_pose, heading_constraints, magnetometers, sensor_fusion, time_base
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.trajectory import Flag, Trajectory, empty, join
+from handscope.estimators import functional_steps, hand_pose, heading_constraints, magnetometers, sensor_fusion, time_base
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.trajectory import Flag, Trajectory, empty, join
 
 UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
 

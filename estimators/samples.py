@@ -11,12 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import told_by_row
-from estimators.events import Event as Event
-from estimators.hand_anatomy import SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
+from handscope.estimators.compiled import told_by_row
+from handscope.estimators.events import Event as Event
+from handscope.estimators.hand_anatomy import SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
 
 GYR, ACC, MAG, FORCE, TORQUE = "gyr", "acc", "mag", "force", "torque"
 SATURATION = 0.98  # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near 2000 deg/s

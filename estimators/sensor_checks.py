@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimators import full_scales, standstill
-from estimators.finding import Finding
-from estimators.gravity import GRAVITY
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, SATURATION, Block, beyond
-from estimators.standstill import WORDS, runs
+from handscope.estimators import full_scales, standstill
+from handscope.estimators.finding import Finding
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, SATURATION, Block, beyond
+from handscope.estimators.standstill import WORDS, runs
 
 GRAVITY_DOUBT, GRAVITY_FAULT = 0.5, 1.0  # m/s^2 that |a| at rest may be off: 0.5 is 5 sd of the errors of a calibrated MPU-9250
 BIAS_DOUBT, BIAS_FAULT = 10.0, 20.0  # deg/s: zero-rate level at most 5 (MPU-9250), 20 (LSM330DLC at 2000 deg/s)

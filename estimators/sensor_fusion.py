@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 from vqf import VQF
 
-from estimators import quaternions as quat
-from estimators.bridging import bridge, missed
-from estimators.fusion_filters import Filters, Kept, begun, updated
-from estimators.fusion_filters import FusionParams as FusionParams
-from estimators.fusion_state import Oriented as Oriented
-from estimators.fusion_state import SensorState, Together
-from estimators.fusion_state import StreamState as StreamState
-from estimators.missing_samples import looked_at, with_missing_instants
-from estimators.quaternions import Array
-from estimators.samples import MAG, Block, Stream, every
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators.bridging import bridge, missed
+from handscope.estimators.fusion_filters import Filters, Kept, begun, updated
+from handscope.estimators.fusion_filters import FusionParams as FusionParams
+from handscope.estimators.fusion_state import Oriented as Oriented
+from handscope.estimators.fusion_state import SensorState, Together
+from handscope.estimators.fusion_state import StreamState as StreamState
+from handscope.estimators.missing_samples import looked_at, with_missing_instants
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG, Block, Stream, every
+from handscope.estimators.trajectory import Flag
 
 LOST_DOUBT = np.radians(60.0) ** 2  # rad^2, ours: what a hand may have turned while a sensor was silent
 

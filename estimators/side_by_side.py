@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 THREADS = 2  # cores of the smallest machine on which this is meant to run
 LOOK = 0.1  # s between two words of how far it is

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.imu_calibration import ImuCalibration
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.rest_positions import Rest, RestParams, find, missing_positions, positions, turns
-from estimators.samples import ACC, GYR, MAG
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.rest_positions import Rest, RestParams, find, missing_positions, positions, turns
+from handscope.estimators.samples import ACC, GYR, MAG
 
 LOWER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # entries of a symmetric matrix: scales first
 SEEN = {ACC: 0.01, GYR: 0.02, MAG: 0.05}  # largest standard deviation of a matrix entry that still counts as observed

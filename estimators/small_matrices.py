@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from estimators.compiled import inlined
-from estimators.quaternions import Array
+from handscope.estimators.compiled import inlined
+from handscope.estimators.quaternions import Array
 
 SINGULAR = 1e-12  # of a diagonal entry: what is left of it below that is rounding
 

@@ -16,10 +16,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import Compiled, rowwise
-from estimators.finding import Finding
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block
+from handscope.estimators.compiled import Compiled, rowwise
+from handscope.estimators.finding import Finding
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block
 
 WINDOW = 1.0  # s
 STILL = {GYR: 1e-6, ACC: 1e-5, MAG: 1e-11}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators import sensor_fusion
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.sensor_fusion import Oriented
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators import sensor_fusion
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.sensor_fusion import Oriented
+from handscope.estimators.trajectory import Flag
 
 Places = slice | NDArray[np.intp]
 SCATTERS = 4.0  # standard deviations of steps between samples that no jitter makes

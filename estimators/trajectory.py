@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS, Hand
-from estimators.quaternions import Array
+from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS, Hand
+from handscope.estimators.quaternions import Array
 
 
 class Flag(IntFlag):

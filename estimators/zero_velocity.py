@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 
-from estimators.compiled import rowwise
-from estimators.gravity import GRAVITY
-from estimators.quaternions import Array
+from handscope.estimators.compiled import rowwise
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.quaternions import Array
 
 
 def likelihood_ratio(gyr: Array, acc: Array, gyr_sd: float, acc_sd: float) -> float:

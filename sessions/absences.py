@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estimators.samples import Block
-from sessions.recording import LoadedRecording
+from handscope.estimators.samples import Block
+from handscope.sessions.recording import LoadedRecording
 
 SHORTEST = 0.5  # s; what is shorter was lost on the way and is counted as that
 SAMPLES = 3.0  # and at least as many sampling intervals

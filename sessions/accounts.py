@@ -19,8 +19,8 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions.tables import Account
+from handscope.estimators.errors import InputError
+from handscope.sessions.tables import Account
 
 CLINICIAN, SCIENTIST, ADMINISTRATOR = ROLES = ("clinician", "scientist", "administrator")
 LOCAL = "local"

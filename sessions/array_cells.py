@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 MISSING = {"", "n/a", "na", "nan", "null", "none"}
 COMMENT = ("#", "%")

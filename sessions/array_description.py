@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
 
 PLACE_SD = 5e-4  # m of a magnetometer's place, where nobody tells: between a board's drawing and a ruler
 ISO = "iso"

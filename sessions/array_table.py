@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.quaternions import Array
-from sessions.array_cells import MISSING, Line, is_number, lines_in, number_in, opened, spread, without_end
-from sessions.array_description import IN_TURN, ISO, Column, Described, Timing
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
+from handscope.sessions.array_cells import MISSING, Line, is_number, lines_in, number_in, opened, spread, without_end
+from handscope.sessions.array_description import IN_TURN, ISO, Column, Described, Timing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log")
 AXES = ("_x", "_y", "_z")

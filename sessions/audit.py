@@ -20,7 +20,7 @@ from typing import Any
 from sqlalchemy import Connection, event, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
-from sessions.tables import (
+from handscope.sessions.tables import (
     Account,
     AuditLine,
     Base,

@@ -23,12 +23,12 @@ from typing import IO, Any
 from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
-from estimators.errors import InputError
-from sessions import audit, database_dump, object_storage
-from sessions.database import FILE, RESTORING, connected, place_of
-from sessions.object_storage import MARK, ObjectStorage, attached
-from sessions.store import CACHE, PROBE, free_bytes
-from sessions.tables import now
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit, database_dump, object_storage
+from handscope.sessions.database import FILE, RESTORING, connected, place_of
+from handscope.sessions.object_storage import MARK, ObjectStorage, attached
+from handscope.sessions.store import CACHE, PROBE, free_bytes
+from handscope.sessions.tables import now
 
 FORMAT = "handscope backup"
 FORMAT_VERSION = 1

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from c3d import Reader
 
-from estimators.errors import InputError
-from estimators.marker_clusters import Markers
+from handscope.estimators.errors import InputError
+from handscope.estimators.marker_clusters import Markers
 
 SUFFIX = ".c3d"
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.calibration import Known
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS, SEGMENTS
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Known
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS, SEGMENTS
+from handscope.estimators.quaternions import Array
 
 SEAT_KNOWN = np.radians(3.0)  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
 

@@ -1,6 +1,6 @@
 """Two people change the same thing at once: the second is told, and nothing is overwritten unseen."""
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 
 class ConflictError(InputError):

@@ -10,10 +10,10 @@ from typing import Any, Literal, get_args
 
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from estimators.samples import Event
-from sessions.recording import LoadedRecording
-from sessions.tables import Correction, RecordingFile, now
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import Event
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.tables import Correction, RecordingFile, now
 
 UNTOLD = "reason not told"
 Kind = Literal["exclude", "move", "leave_out"]  # a whole trial; its ends; a stretch within it, such as one repetition

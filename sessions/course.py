@@ -5,8 +5,8 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from sessions.repeatability import Values, Visited, history
-from sessions.tables import Result
+from handscope.sessions.repeatability import Values, Visited, history
+from handscope.sessions.tables import Result
 
 
 @dataclass(frozen=True)

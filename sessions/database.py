@@ -11,8 +11,8 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.orm import Session, sessionmaker
 
-from estimators.errors import InputError
-from sessions import audit, repeatability
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit, repeatability
 
 FILE = "handscope.sqlite"
 RESTORING = "restoring"  # lies in a data folder while a backup is being put into it

@@ -11,8 +11,8 @@ from typing import Any
 
 from sqlalchemy import JSON, Column, Connection, Engine, MetaData, Table, func, insert, inspect, select, text
 
-from estimators.errors import InputError
-from sessions.database import known, upgrade
+from handscope.estimators.errors import InputError
+from handscope.sessions.database import known, upgrade
 
 REVISION = "alembic_version"
 PASSING = frozenset({"attempt", "login"})  # tables whose rows are not kept: a browser logs in again

@@ -9,7 +9,7 @@ overnight     still not finished after OVERNIGHT
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
-from sessions.tables import Patient, PatientSession
+from handscope.sessions.tables import Patient, PatientSession
 
 SLACK = timedelta(minutes=5)  # that two clocks may differ
 OVERNIGHT = timedelta(hours=8)  # longer than any session

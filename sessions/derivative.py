@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from estimators.calibration import Calibration
-from estimators.hand_geometry import table_of
-from estimators.processing import Processed
-from estimators.quaternions import Array
-from sessions.motion_bids.writer import BIDS_VERSION, pretty
-from sessions.number_table import Data
-from sessions.recording import LoadedRecording
-from sessions.trajectory_table import Column, channels_of
-from sessions.trajectory_table import table_of as table_of_trajectory
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_geometry import table_of
+from handscope.estimators.processing import Processed
+from handscope.estimators.quaternions import Array
+from handscope.sessions.motion_bids.writer import BIDS_VERSION, pretty
+from handscope.sessions.number_table import Data
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.trajectory_table import Column, channels_of
+from handscope.sessions.trajectory_table import table_of as table_of_trajectory
 
 
 def tree(processed: Processed, recording: LoadedRecording, method: str, params: Any, software: str) -> dict[str, Data]:

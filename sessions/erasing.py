@@ -7,10 +7,10 @@ which must answer, go with its next round. SQLite overwrites what it deletes (se
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, selectinload
 
-from estimators.errors import InputError
-from sessions import audit, kept_files, object_storage, patients
-from sessions.store import Store, remove_erased
-from sessions.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit, kept_files, object_storage, patients
+from handscope.sessions.store import Store, remove_erased
+from handscope.sessions.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
 
 
 def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, int]:

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from estimators.errors import InputError
-from estimators.force.setup import ForceSetup, setups_from, table_of
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.setup import ForceSetup, setups_from, table_of
 
 FOLDER = "force_calibrations"  # in the data folder
 SETUP, SETUPS = "ForceSetup", "force_setups"  # in a file, by point; in a recording, by strip and point

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import Hand
-from sessions import motion_bids, native
-from sessions.recording import LoadedRecording, require_samples
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import Hand
+from handscope.sessions import motion_bids, native
+from handscope.sessions.recording import LoadedRecording, require_samples
 
 
 def load(path: Path, hand: Hand | None = None, correct: bool = True, inertial: bool = True) -> LoadedRecording:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.measures.assessment import TaskResult
-from estimators.trajectory import Trajectory
-from sessions.trajectory_table import table_of
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.trajectory_table import table_of
 
 READ = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}  # unit that a person reads, and how many of it
 

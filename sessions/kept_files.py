@@ -16,12 +16,12 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import object_storage
-from sessions.native import file_checksum
-from sessions.object_storage import UnreachableError
-from sessions.store import AWAY, CACHE, FREE, Store, free_bytes
-from sessions.tables import ErasedFile, RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import object_storage
+from handscope.sessions.native import file_checksum
+from handscope.sessions.object_storage import UnreachableError
+from handscope.sessions.store import AWAY, CACHE, FREE, Store, free_bytes
+from handscope.sessions.tables import ErasedFile, RecordingFile, Result
 
 log = logging.getLogger(__name__)
 

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.force.setup import Channel
-from estimators.gravity import GRAVITY
-from estimators.quaternions import Array
-from sessions.array_cells import MISSING, is_number, lines_in
-from sessions.motion_bids.reader import TORQUES
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.setup import Channel
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.quaternions import Array
+from handscope.sessions.array_cells import MISSING, is_number, lines_in
+from handscope.sessions.motion_bids.reader import TORQUES
 
 HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]+)\]$")
 UNITS = {

@@ -15,12 +15,12 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import accounts, audit
-from sessions.accounts import LOCAL
-from sessions.audit import Happened
-from sessions.store import Store
-from sessions.tables import Account, Attempt, Login, now
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit
+from handscope.sessions.accounts import LOCAL
+from handscope.sessions.audit import Happened
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Account, Attempt, Login, now
 
 TOKEN_LIFE = timedelta(hours=12)
 TOUCH_EVERY = timedelta(minutes=1)

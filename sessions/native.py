@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from mcap.records import Message
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, HANDS, Hand
-from estimators.hand_geometry import measures_from, sized
-from estimators.magnet_plate import plate_from
-from estimators.samples import Block, Event, join
-from sessions import force_calibrations
-from sessions.recorder import FORMAT_VERSION
-from sessions.recording import LoadedRecording
-from sessions.recording_file import Findings, messages
-from sessions.wire.assembly import Assembler
-from sessions.wire.messages import Identity
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS, HANDS, Hand
+from handscope.estimators.hand_geometry import measures_from, sized
+from handscope.estimators.magnet_plate import plate_from
+from handscope.estimators.samples import Block, Event, join
+from handscope.sessions import force_calibrations
+from handscope.sessions.recorder import FORMAT_VERSION
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.recording_file import Findings, messages
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.messages import Identity
 
 SUFFIX = ".mcap"
 TOGETHER = 1000  # pieces of the wire taken at a time

@@ -9,9 +9,9 @@ from sqlalchemy import delete
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
-from estimators.errors import InputError
-from sessions.conflicts import ConflictError, require_seen
-from sessions.tables import Note, Patient, now
+from handscope.estimators.errors import InputError
+from handscope.sessions.conflicts import ConflictError, require_seen
+from handscope.sessions.tables import Note, Patient, now
 
 KEPT = timedelta(days=7)
 LONGEST = 20_000  # characters

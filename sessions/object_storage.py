@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from estimators.errors import InputError
-from sessions.writing import save_file
+from handscope.estimators.errors import InputError
+from handscope.sessions.writing import save_file
 
 MARK = "object-storage.json"
 PIECE = 2**20

@@ -17,12 +17,12 @@ from typing import IO, Any
 
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import kept_files, patients, records
-from sessions.motion_bids import writer
-from sessions.number_table import pieces
-from sessions.store import Store
-from sessions.tables import Base, PatientSession, RecordingFile, now
+from handscope.estimators.errors import InputError
+from handscope.sessions import kept_files, patients, records
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.number_table import pieces
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Base, PatientSession, RecordingFile, now
 
 PIECE = 2**20
 README = """Everything that Handscope kept about one patient.

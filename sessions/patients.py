@@ -7,13 +7,13 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS
-from estimators.hand_geometry import measures_from
-from sessions import trunk_height
-from sessions.conflicts import ConflictError, require_seen
-from sessions.pseudonyms import require_code
-from sessions.tables import Note, Patient, PatientSession
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.hand_geometry import measures_from
+from handscope.sessions import trunk_height
+from handscope.sessions.conflicts import ConflictError, require_seen
+from handscope.sessions.pseudonyms import require_code
+from handscope.sessions.tables import Note, Patient, PatientSession
 
 Rows = TypeVarTuple("Rows")
 LONGEST_PSEUDONYM = 64

@@ -2,7 +2,7 @@
 
 import re
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 DATE = re.compile(
     r"\b\d{1,2}\s*[./-]\s*\d{1,2}\s*[./-]\s*(?:\d{4}|\d{2})\b|\b(?:19|20)\d{2}[./-]?(?:0[1-9]|1[0-2])[./-]?(?:0[1-9]|[12]\d|3[01])\b"

@@ -22,7 +22,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message
 from mcap.writer import MCAP0_MAGIC
 
-from estimators.events import Event
+from handscope.estimators.events import Event
 
 if sys.platform != "win32":
     import fcntl

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import Block, Event, Stream
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Event, Stream
 
 SLICE = 10.0  # s of a block when a recording is gone through
 

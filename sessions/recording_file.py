@@ -18,8 +18,8 @@ from mcap.records import Channel, Chunk, Header, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from estimators.errors import InputError
-from sessions.recorder import CHANNELS, PROFILE
+from handscope.estimators.errors import InputError
+from handscope.sessions.recorder import CHANNELS, PROFILE
 
 LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
 LZ4_MOST = 255  # bytes that one of lz4 becomes at most

@@ -12,14 +12,14 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS, Hand
-from estimators.hand_geometry import measures_from, sized, table_of
-from sessions import formats, kept_files, native
-from sessions.recorder import being_written
-from sessions.recording import LoadedRecording
-from sessions.store import Store
-from sessions.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS, Hand
+from handscope.estimators.hand_geometry import measures_from, sized, table_of
+from handscope.sessions import formats, kept_files, native
+from handscope.sessions.recorder import being_written
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.store import Store
+from handscope.sessions.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
 
 FINISH_WAIT = 10.0  # s that closing a session waits for its recorder
 

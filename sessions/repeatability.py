@@ -19,10 +19,10 @@ import numpy as np
 from sqlalchemy import Connection, delete, event, inspect, select
 from sqlalchemy.orm import Mapper, Session, object_session, sessionmaker
 
-from estimators.measures.repeatability import Interval, reliability, within
-from sessions import corrections, self_calibrations
-from sessions.self_calibrations import glove_of
-from sessions.tables import Correction, PatientSession, RecordingFile, Repeatability, Result, Reuse
+from handscope.estimators.measures.repeatability import Interval, reliability, within
+from handscope.sessions import corrections, self_calibrations
+from handscope.sessions.self_calibrations import glove_of
+from handscope.sessions.tables import Correction, PatientSession, RecordingFile, Repeatability, Result, Reuse
 
 REPEATED = timedelta(days=7)
 ENOUGH = 4  # degrees of freedom (five sessions in a week): the SEM's upper limit is 2.9 SEM; with one it is 32 SEM, and 30 of 100 changes of nothing exceed 1.96 sqrt(2) SEM

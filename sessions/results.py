@@ -8,9 +8,9 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import corrections, self_calibrations
-from sessions.tables import RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import corrections, self_calibrations
+from handscope.sessions.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
 ATTEMPTS = 2  # how often a computation is begun before a server that died again and again gives it up

@@ -11,10 +11,10 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from estimators.calibration import Known
-from estimators.errors import InputError
-from sessions import calibration_result
-from sessions.tables import Patient, PatientSession, RecordingFile, Result, Reuse, SelfCalibration, now
+from handscope.estimators.calibration import Known
+from handscope.estimators.errors import InputError
+from handscope.sessions import calibration_result
+from handscope.sessions.tables import Patient, PatientSession, RecordingFile, Result, Reuse, SelfCalibration, now
 
 NOTHING, LENGTHS, ALL = "nothing", "lengths", "lengths_and_seats"
 PARTS = (NOTHING, LENGTHS, ALL)

@@ -10,11 +10,11 @@ from pathlib import Path
 from sqlalchemy import select, text
 from sqlalchemy.orm import Session, sessionmaker
 
-from estimators.errors import InputError
-from sessions import notes, object_storage, repeatability
-from sessions.database import RESTORING, open_database
-from sessions.object_storage import ObjectStorage
-from sessions.tables import ErasedFile
+from handscope.estimators.errors import InputError
+from handscope.sessions import notes, object_storage, repeatability
+from handscope.sessions.database import RESTORING, open_database
+from handscope.sessions.object_storage import ObjectStorage
+from handscope.sessions.tables import ErasedFile
 
 CACHE = "cache"  # of files that are in the object storage
 AWAY = "away:"  # begins the name of an erased file that is still to be removed from the object storage

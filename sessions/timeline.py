@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session, selectinload
 
-from sessions.tables import PatientSession, RecordingFile, Result
+from handscope.sessions.tables import PatientSession, RecordingFile, Result
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
-from sessions.number_table import NumberTable
+from handscope.estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.number_table import NumberTable
 
 Column = tuple[str, str, str, str, str]  # name, component, type, tracked point, unit
 

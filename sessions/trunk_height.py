@@ -5,11 +5,11 @@ Applied     to the tasks of an opened recording (`applied`): a result names the 
 
 from dataclasses import replace
 
-from estimators.errors import InputError
-from estimators.measures.trunk_displacement import LEAST, MOST
-from estimators.samples import TRUNK
-from sessions.recording import LoadedRecording
-from sessions.tables import PatientSession
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.trunk_displacement import LEAST, MOST
+from handscope.estimators.samples import TRUNK
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.tables import PatientSession
 
 
 def require_height(height: float) -> None:

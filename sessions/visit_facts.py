@@ -10,11 +10,11 @@ from datetime import UTC, datetime
 from sqlalchemy import update
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import records, trunk_height
-from sessions.conflicts import ConflictError
-from sessions.dates import SLACK
-from sessions.tables import PatientSession, now
+from handscope.estimators.errors import InputError
+from handscope.sessions import records, trunk_height
+from handscope.sessions.conflicts import ConflictError
+from handscope.sessions.dates import SLACK
+from handscope.sessions.tables import PatientSession, now
 
 LONGEST = 20_000  # characters of notes
 

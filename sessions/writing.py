@@ -6,8 +6,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from estimators.errors import InputError
-from sessions.number_table import Data, pieces
+from handscope.estimators.errors import InputError
+from handscope.sessions.number_table import Data, pieces
 
 
 def save_folder(files: Mapping[str, Data], folder: Path) -> None:

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 from playwright.sync_api import Browser, sync_playwright
 
-from app.working_process import CONTEXT
-from estimators.simulation.scenario import Simulated
+from handscope.app.working_process import CONTEXT
+from handscope.estimators.simulation.scenario import Simulated
 from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
 
@@ -26,7 +26,9 @@ settings.register_profile(
 )
 settings.register_profile("thorough", parent=settings.get_profile("handscope"), max_examples=1000, derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
-CONTEXT.set_forkserver_preload(["app.forked_from", "app.commands.serve", "app.commands.glove"])  # tests fork these, too
+CONTEXT.set_forkserver_preload(
+    ["handscope.app.forked_from", "handscope.app.commands.serve", "handscope.app.commands.glove"]
+)  # tests fork these, too
 
 
 @pytest.fixture(scope="module")

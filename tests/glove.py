@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from estimators.hand_anatomy import Hand
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block
-from sessions.wire.framing import Encoder
-from sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip
-from sessions.wire.sample_values import data_of
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Format, Identity, Message, Samples, StreamInfo, Strip
+from handscope.sessions.wire.sample_values import data_of
 from tests.simulated import STRIPS
 
 NS = 1e9

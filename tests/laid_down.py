@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_geometry import sized
-from estimators.imu_calibration import ImuCalibration
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG
-from estimators.simulation import sensors
-from estimators.simulation.sensors import SensorErrors
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG
+from handscope.estimators.simulation import sensors
+from handscope.estimators.simulation.sensors import SensorErrors
 
 RATE = 100.0
 RAW = SensorErrors(

@@ -6,16 +6,16 @@ from functools import cache
 
 import numpy as np
 
-from estimators import initial_pose, run, trajectory
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import Block, Stream
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.trajectory import Trajectory
-from sessions.recording import LoadedRecording
+from handscope.estimators import initial_pose, run, trajectory
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.recording import LoadedRecording
 
 DEG = np.pi / 180
 INSTANT = m2.Params(gyr_reading="instant")  # as the simulated gyroscopes read

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = ("app", "sessions", "estimators")  # each may import those behind it
+ROOMS = ("handscope.app", "handscope.sessions", "handscope.estimators")  # each may import those behind it
 NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock
@@ -30,11 +30,12 @@ SKELETON = (
 VALUES = ("samples", "events", "magnet_plate", "trajectory", "options", "errors", "gravity")
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
 LONGEST = 400  # lines
-MODULES = sorted(p for room in (*ROOMS, "tests") for p in (ROOT / room).rglob("*.py"))
+MODULES = sorted(p for room in (*ROOMS, "handscope", "tests") for p in (ROOT / room.removeprefix("handscope.")).rglob("*.py"))
 
 
 def _name(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts if parts[0] in ("handscope", "tests") else ("handscope", *parts)).removesuffix(".__init__")
 
 
 def _in(package: str) -> list[Path]:
@@ -71,7 +72,7 @@ def _offenders(package: str, forbidden: tuple[str, ...]) -> list[str]:
 def test_the_reader_of_imports_sees_every_form() -> None:
     source = "import a.b\nfrom c import d\nfrom . import e\nfrom ..f import g\ndef h():\n    import i\n"
     assert list(imports(source, "x.y")) == ["a.b", "c", "c.d", "x.y", "x.y.e", "x.f", "x.f.g", "i"]
-    assert len(_in("estimators")) > 20
+    assert len(_in("handscope.estimators")) > 20
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -84,13 +85,14 @@ def test_nothing_that_runs_imports_the_tests() -> None:
 
 
 def test_estimators_import_numerics_and_the_pure_part_of_the_standard_library_only() -> None:
-    allowed = NUMERICS | {"estimators"} | (set(sys.stdlib_module_names) - IMPURE)
-    assert [f"{_name(p)} imports {i}" for p in _in("estimators") for i in _imports(p) if i.split(".")[0] not in allowed] == []
+    allowed = NUMERICS | (set(sys.stdlib_module_names) - IMPURE)
+    outside = [(p, i) for p in _in("handscope.estimators") for i in _imports(p) if not _is_within(i, "handscope.estimators")]
+    assert [f"{_name(p)} imports {i}" for p, i in outside if i != "handscope" and i.split(".")[0] not in allowed] == []
 
 
 def test_estimators_neither_open_nor_print_nor_draw_from_a_hidden_generator() -> None:
     found = []
-    for path in _in("estimators"):
+    for path in _in("handscope.estimators"):
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.Call)
@@ -106,14 +108,14 @@ def test_estimators_neither_open_nor_print_nor_draw_from_a_hidden_generator() ->
 
 
 def test_a_simulator_knows_no_tracker() -> None:
-    known = [f"estimators.{name}" for name in (*SKELETON, *VALUES, "simulation")]
-    ours = [(p, i) for p in _in("estimators.simulation") for i in _imports(p) if i.startswith("estimators.")]
+    known = [f"handscope.estimators.{name}" for name in (*SKELETON, *VALUES, "simulation")]
+    ours = [(p, i) for p in _in("handscope.estimators.simulation") for i in _imports(p) if i.startswith("handscope.estimators.")]
     assert [f"{_name(p)} imports {i}" for p, i in ours if not any(_is_within(i, k) for k in known)] == []
 
 
 def test_no_estimator_knows_the_simulator() -> None:
-    outside = [p for p in _in("estimators") if not _is_within(_name(p), "estimators.simulation")]
-    assert [f"{_name(p)} imports {i}" for p in outside for i in _imports(p) if _is_within(i, "estimators.simulation")] == []
+    outside = [p for p in _in("handscope.estimators") if not _is_within(_name(p), "handscope.estimators.simulation")]
+    assert [f"{_name(p)} imports {i}" for p in outside for i in _imports(p) if _is_within(i, "handscope.estimators.simulation")] == []
 
 
 def test_modules_import_by_name_and_are_short() -> None:

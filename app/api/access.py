@@ -10,12 +10,12 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.roles import ANYBODY, Door, Doors, Who
-from app.api.state import preferred
-from app.api.watch import Watch
-from app.settings import Settings
-from sessions.logins import alive, new_token
-from sessions.store import Store
+from handscope.app.api.roles import ANYBODY, Door, Doors, Who
+from handscope.app.api.state import preferred
+from handscope.app.api.watch import Watch
+from handscope.app.settings import Settings
+from handscope.sessions.logins import alive, new_token
+from handscope.sessions.store import Store
 
 __all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"

@@ -5,13 +5,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api.access import cookie_of
-from app.api.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
-from app.api.state import Db, LanguageDep, PartsDep
-from estimators.errors import InputError
-from sessions import accounts, audit, logins
-from sessions.accounts import LOCAL
-from sessions.tables import Account, AuditLine
+from handscope.app.api.access import cookie_of
+from handscope.app.api.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
+from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, logins
+from handscope.sessions.accounts import LOCAL
+from handscope.sessions.tables import Account, AuditLine
 
 router = APIRouter(tags=["accounts"], dependencies=[may(ADMINISTRATOR)])
 own = APIRouter(tags=["accounts"], dependencies=[may(*EVERY_ACCOUNT)])

@@ -13,9 +13,9 @@ from weakref import WeakKeyDictionary
 
 import orjson
 
-from app.language import Language
-from app.live.stations import AnyStation
-from app.report import self_calibration
+from handscope.app.language import Language
+from handscope.app.live.stations import AnyStation
+from handscope.app.report import self_calibration
 
 PULSE = 1 / 120  # s: at most one message to a viewer in each; shorter than the 10 ms between two poses, so that hardly a pose waits
 SPOKEN = (

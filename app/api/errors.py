@@ -8,12 +8,12 @@ from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
-from app.api.state import preferred
-from estimators.errors import InputError
-from sessions.conflicts import ConflictError
-from sessions.full_disk import FULL, is_full
-from sessions.logins import ThrottledError
-from sessions.pseudonyms import UnconfirmedError
+from handscope.app.api.state import preferred
+from handscope.estimators.errors import InputError
+from handscope.sessions.conflicts import ConflictError
+from handscope.sessions.full_disk import FULL, is_full
+from handscope.sessions.logins import ThrottledError
+from handscope.sessions.pseudonyms import UnconfirmedError
 
 TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
 NO_ROOM = 507  # HTTP: insufficient storage

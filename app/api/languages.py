@@ -6,9 +6,9 @@ from functools import cache
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from app import language
-from app.api.roles import ANYBODY, may
-from app.language import Language
+from handscope.app import language
+from handscope.app.api.roles import ANYBODY, may
+from handscope.app.language import Language
 
 router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])
 

@@ -8,14 +8,14 @@ from sqlalchemy import select
 from sqlalchemy.exc import DBAPIError
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
-from app.api.access import cookie_name, cookie_of, secure
-from app.api.pages import STATIC
-from app.api.roles import ANYBODY, EVERY_ACCOUNT, address_of, may
-from app.api.state import Db, PartsDep
-from app.version import software_version
-from estimators.errors import InputError
-from sessions import accounts, audit, logins
-from sessions.audit import Happened
+from handscope.app.api.access import cookie_name, cookie_of, secure
+from handscope.app.api.pages import STATIC
+from handscope.app.api.roles import ANYBODY, EVERY_ACCOUNT, address_of, may
+from handscope.app.api.state import Db, PartsDep
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, logins
+from handscope.sessions.audit import Happened
 
 router = APIRouter(tags=["login"], dependencies=[may(ANYBODY)])
 pages = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])

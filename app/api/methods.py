@@ -5,12 +5,12 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from app.api.roles import EVERY_ACCOUNT, may
-from app.api.sessions import NewResult
-from app.api.state import LanguageDep, PartsDep
-from app.protocols import offered
-from estimators.methods import OFFERED
-from estimators.options import describe
+from handscope.app.api.roles import EVERY_ACCOUNT, may
+from handscope.app.api.sessions import NewResult
+from handscope.app.api.state import LanguageDep, PartsDep
+from handscope.app.protocols import offered
+from handscope.estimators.methods import OFFERED
+from handscope.estimators.options import describe
 
 router = APIRouter(tags=["methods"], dependencies=[may(*EVERY_ACCOUNT)])
 

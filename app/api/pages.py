@@ -7,11 +7,11 @@ from pathlib import Path
 from fastapi import APIRouter, Request, WebSocket
 from starlette.responses import FileResponse, Response
 
-import static
-from app.api.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
-from app.api.state import StationDep, station_of
-from app.scene import bridge
-from estimators.errors import InputError
+from handscope import static
+from handscope.app.api.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
+from handscope.app.api.state import StationDep, station_of
+from handscope.app.scene import bridge
+from handscope.estimators.errors import InputError
 
 router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])
 STATIC = Path(static.__file__).parent

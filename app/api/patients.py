@@ -8,14 +8,14 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import StreamingResponse
 
-from app.api.pseudonymous import for_reader
-from app.api.readings import calibration_reading
-from app.api.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
-from app.api.sessions import session_row
-from app.api.state import Db, LanguageDep, PartsDep
-from app.patient_export import exported
-from sessions import dates, erasing, notes, patients, timeline
-from sessions.tables import Note, Patient, now
+from handscope.app.api.pseudonymous import for_reader
+from handscope.app.api.readings import calibration_reading
+from handscope.app.api.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.api.sessions import session_row
+from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.app.patient_export import exported
+from handscope.sessions import dates, erasing, notes, patients, timeline
+from handscope.sessions.tables import Note, Patient, now
 
 router = APIRouter(tags=["patients"], dependencies=[may(CLINICIAN)])
 MOST = 200  # patients in one answer

@@ -7,7 +7,7 @@ brought, since nobody can be sure what stands in it: notes, the examiner's name,
 from collections.abc import Mapping
 from typing import Any
 
-from app.api.roles import Who
+from handscope.app.api.roles import Who
 
 WITHHELD: Mapping[str, Any] = {
     "year_of_birth": None,

@@ -6,24 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.protocols import Protocol
-from app.report.change_words import row_words, tapping_words
-from app.report.changes import Changes
-from app.report.content import Task, asked
-from app.report.gradings import DEFAULT, graded_tasks
-from app.report.norms import norm_of
-from app.report.other_measures import other_measures
-from app.report.range_comparison import flexion_with_sd
-from app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
-from app.report.shown_panels import shown_of
-from app.report.units import DEG, TAPPING_DECIMALS, reading
-from app.report.words import figure_words
-from estimators.measures import MEASURES
-from estimators.measures.assessment import TaskResult
-from estimators.measures.figure import Figure
-from estimators.measures.range_of_motion import Range
-from estimators.measures.total_active_motion import GRADINGS
+from handscope.app.language import Language
+from handscope.app.protocols import Protocol
+from handscope.app.report.change_words import row_words, tapping_words
+from handscope.app.report.changes import Changes
+from handscope.app.report.content import Task, asked
+from handscope.app.report.gradings import DEFAULT, graded_tasks
+from handscope.app.report.norms import norm_of
+from handscope.app.report.other_measures import other_measures
+from handscope.app.report.range_comparison import flexion_with_sd
+from handscope.app.report.range_rows import asks_full_range, by_task, over_tasks, range_rows
+from handscope.app.report.shown_panels import shown_of
+from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
+from handscope.app.report.words import figure_words
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.total_active_motion import GRADINGS
 
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 

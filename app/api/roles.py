@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from starlette.routing import BaseRoute, Match
 from starlette.types import Scope
 
-from sessions.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
+from handscope.sessions.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
 
 __all__ = [
     "ADMINISTRATOR",

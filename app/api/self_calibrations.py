@@ -5,16 +5,16 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api.roles import CLINICIAN, SCIENTIST, may
-from app.api.sessions import Decision, recomputed
-from app.api.state import Db, LanguageDep, PartsDep
-from app.language import Language
-from app.report.self_calibration import told
-from app.version import software_version
-from estimators.errors import InputError
-from sessions import patients, records, results, self_calibrations
-from sessions.self_calibrations import Offer
-from sessions.tables import PatientSession, SelfCalibration
+from handscope.app.api.roles import CLINICIAN, SCIENTIST, may
+from handscope.app.api.sessions import Decision, recomputed
+from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.app.language import Language
+from handscope.app.report.self_calibration import told
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions import patients, records, results, self_calibrations
+from handscope.sessions.self_calibrations import Offer
+from handscope.sessions.tables import PatientSession, SelfCalibration
 
 router = APIRouter(tags=["self-calibrations"], dependencies=[may(CLINICIAN)])
 

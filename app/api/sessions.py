@@ -13,19 +13,19 @@ from fastapi import APIRouter, Form, UploadFile
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse
 
-from app.api.pseudonymous import for_reader
-from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from app.api.state import Db, Parts, PartsDep
-from app.live.stations import live_setup
-from app.options import with_options
-from app.version import software_version
-from estimators.errors import InputError
-from estimators.methods import ALL_METHODS
-from estimators.options import describe
-from sessions import audit, corrections, dates, kept_files, native, patients, records, results, self_calibrations, visit_facts
-from sessions.self_calibrations import Found
-from sessions.tables import Correction, PatientSession, RecordingFile, Result, now
-from sessions.visit_facts import TrunkHeight
+from handscope.app.api.pseudonymous import for_reader
+from handscope.app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.api.state import Db, Parts, PartsDep
+from handscope.app.live.stations import live_setup
+from handscope.app.options import with_options
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.options import describe
+from handscope.sessions import audit, corrections, dates, kept_files, native, patients, records, results, self_calibrations, visit_facts
+from handscope.sessions.self_calibrations import Found
+from handscope.sessions.tables import Correction, PatientSession, RecordingFile, Result, now
+from handscope.sessions.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20

@@ -7,14 +7,14 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import HTMLResponse, RedirectResponse
 
-from app.api.access import secure
-from app.api.login import with_cookie
-from app.api.roles import ANYBODY, may
-from app.api.state import Db, PartsDep
-from app.single_sign_on import NAME, Answer, SignOn, SignOnError, farewell, identity, leave, roles_of, subject_of
-from estimators.errors import InputError
-from sessions import accounts, audit, logins
-from sessions.audit import Happened
+from handscope.app.api.access import secure
+from handscope.app.api.login import with_cookie
+from handscope.app.api.roles import ANYBODY, may
+from handscope.app.api.state import Db, PartsDep
+from handscope.app.single_sign_on import NAME, Answer, SignOn, SignOnError, farewell, identity, leave, roles_of, subject_of
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, logins
+from handscope.sessions.audit import Happened
 
 log = logging.getLogger(__name__)
 router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])

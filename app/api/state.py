@@ -8,19 +8,19 @@ from fastapi import Depends, Query
 from sqlalchemy.orm import Session
 from starlette.requests import HTTPConnection
 
-from app import language as languages
-from app.api.bulletins import Bulletins
-from app.api.roles import Who, on_behalf_of, who
-from app.jobs import Jobs
-from app.language import Language
-from app.live.replay import Replay
-from app.live.stations import AnyStation, Stations
-from app.moving_out import MovingOut
-from app.opening import Opening
-from app.settings import Settings
-from estimators.errors import InputError
-from sessions import audit
-from sessions.store import Store
+from handscope.app import language as languages
+from handscope.app.api.bulletins import Bulletins
+from handscope.app.api.roles import Who, on_behalf_of, who
+from handscope.app.jobs import Jobs
+from handscope.app.language import Language
+from handscope.app.live.replay import Replay
+from handscope.app.live.stations import AnyStation, Stations
+from handscope.app.moving_out import MovingOut
+from handscope.app.opening import Opening
+from handscope.app.settings import Settings
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit
+from handscope.sessions.store import Store
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from app.api.bulletins import spoken, until_next
-from app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from app.api.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
-from app.devices import ports
-from app.language import Language
-from app.live.replay import Replay
-from app.live.stations import AnyStation
-from estimators.errors import InputError
+from handscope.app.api.bulletins import spoken, until_next
+from handscope.app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.api.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
+from handscope.app.devices import ports
+from handscope.app.language import Language
+from handscope.app.live.replay import Replay
+from handscope.app.live.stations import AnyStation
+from handscope.estimators.errors import InputError
 
 router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])
 WATCHERS = may(CLINICIAN, SCIENTIST)  # of replays, scientists too

@@ -15,12 +15,12 @@ from sqlalchemy.exc import DBAPIError
 from starlette.requests import HTTPConnection
 from starlette.types import Message, Send
 
-from app.api.roles import Door, on_behalf_of
-from app.live.replay import Replay
-from estimators.errors import InputError
-from sessions import audit
-from sessions.audit import Happened
-from sessions.store import Store
+from handscope.app.api.roles import Door, on_behalf_of
+from handscope.app.live.replay import Replay
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit
+from handscope.sessions.audit import Happened
+from handscope.sessions.store import Store
 
 log = logging.getLogger(__name__)
 AGAIN = 15 * 60.0  # s

@@ -41,5 +41,5 @@ BENCHES = {
 
 def bench(name: str) -> Callable[[], list[Metric]]:
     """The function that measures; imported when it is asked for."""
-    measure: Callable[[], list[Metric]] = import_module(f"app.benchmarks.{name}").measure
+    measure: Callable[[], list[Metric]] = import_module(f"handscope.app.benchmarks.{name}").measure
     return measure

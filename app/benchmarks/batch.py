@@ -8,15 +8,15 @@ import time
 import numpy as np
 from vqf import VQF
 
-from app.benchmarks import Metric, peak
-from estimators.hand_anatomy import SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.methods import METHODS
-from estimators.processing import process
-from estimators.samples import ACC, GYR, Block
-from estimators.simulation.magnetic_field import homogeneous
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import SensorErrors
+from handscope.app.benchmarks import Metric, peak
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.samples import ACC, GYR, Block
+from handscope.estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import SensorErrors
 
 SENSORS = tuple(s for s in SEGMENTS if s != "forearm")
 MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")

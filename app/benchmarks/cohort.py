@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from app import cohort
-from app.benchmarks import Metric
-from estimators.hand_geometry import sized
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import SensorErrors
-from sessions.motion_bids import writer
-from sessions.recording import LoadedRecording
+from handscope.app import cohort
+from handscope.app.benchmarks import Metric
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.recording import LoadedRecording
 
 RECORDINGS = 200
 MINUTE = ("initial_pose", "rom_fist", "rom_spread", "tapping", "rest")

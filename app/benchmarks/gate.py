@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.benchmarks import BENCHES, Metric
-from estimators.errors import InputError
+from handscope.app.benchmarks import BENCHES, Metric
+from handscope.estimators.errors import InputError
 
 BASELINE = Path(__file__).with_name("baseline.json")
 

@@ -18,9 +18,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
-from app.benchmarks import Metric
-from app.benchmarks.server_under_test import Client, act, begin_tasks, glove, server
-from app.scene.bridge import PROTOCOL
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.server_under_test import Client, act, begin_tasks, glove, server
+from handscope.app.scene.bridge import PROTOCOL
 
 RATE = 200
 VIEWERS = 4

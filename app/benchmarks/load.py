@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.benchmarks import Metric
-from app.benchmarks.live import TICKS, watch
-from app.benchmarks.server_under_test import Client, begin_tasks, glove, server
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.live import TICKS, watch
+from handscope.app.benchmarks.server_under_test import Client, begin_tasks, glove, server
 
 VIEWERS = (1, 4, 16)  # of one station
 STATIONS = (2, 4, 6, 8)  # with one viewer each

@@ -4,13 +4,13 @@ import time
 
 import numpy as np
 
-from app.benchmarks import Metric
-from app.benchmarks.steps import one_by_one
-from app.reproduce.experiments import Trial, at_the_truths_instants, performed
-from estimators.methods import ALL_METHODS
-from estimators.processing import process
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Trajectory
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.steps import one_by_one
+from handscope.app.reproduce.experiments import Trial, at_the_truths_instants, performed
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import Trajectory
 
 MOVEMENT = Trial("free", 0)  # about 45 s, a whole hand
 BESIDE = ("ekf", "map-live")

@@ -16,18 +16,18 @@ import numpy as np
 from sqlalchemy import Insert, String, cast, insert, join, select
 from sqlalchemy.orm import Session, aliased
 
-from app.benchmarks import Metric
-from app.benchmarks.server_under_test import Client, server
-from app.results import make
-from estimators.hand_geometry import sized
-from estimators.simulation.magnetic_field import homogeneous
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import SensorErrors
-from sessions import patients, records, results
-from sessions.motion_bids import writer
-from sessions.recording import LoadedRecording
-from sessions.store import Store, open_store
-from sessions.tables import Note, Patient, PatientSession, RecordingFile, Result, now
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.server_under_test import Client, server
+from handscope.app.results import make
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions import patients, records, results
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Note, Patient, PatientSession, RecordingFile, Result, now
 
 PATIENTS, SESSIONS = 1000, 10_000
 MANY = 60  # sessions of one patient: every fortnight for more than two years

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.samples import Block, Event, Stream
-from sessions.recording import LoadedRecording
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.samples import Block, Event, Stream
+from handscope.sessions.recording import LoadedRecording
 
 
 def of_processing(folder: str, stream: Stream, events: tuple[Event, ...]) -> float:

@@ -7,21 +7,21 @@ from functools import partial
 
 import numpy as np
 
-from app.benchmarks import Metric
-from estimators import magnet_setup, magnet_smoothing, magnet_tracking
-from estimators.hand_geometry import sized
-from estimators.magnet_localisation import located
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_start import Setup
-from estimators.magnet_tracking import Readings
-from estimators.measures import lift
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.simulation import held_object, magnet, tasks
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.magnetic_field import EARTH, homogeneous
-from estimators.simulation.scenario import ForceGlove, Simulated, performed
-from estimators.simulation.sensors import PRESETS
+from handscope.app.benchmarks import Metric
+from handscope.estimators import magnet_setup, magnet_smoothing, magnet_tracking
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.magnet_localisation import located
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_tracking import Readings
+from handscope.estimators.measures import lift
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import held_object, magnet, tasks
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.sensors import PRESETS
 
 SECONDS = 60.0
 TARGET = 50.0

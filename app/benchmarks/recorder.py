@@ -5,11 +5,11 @@ import threading
 import time
 from pathlib import Path
 
-from app.benchmarks import Metric
-from app.benchmarks.server_under_test import glove, wait_for
-from app.devices.glove import Glove
-from estimators.samples import Block
-from sessions import native
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.server_under_test import glove, wait_for
+from handscope.app.devices.glove import Glove
+from handscope.estimators.samples import Block
+from handscope.sessions import native
 
 SECONDS = 10.0
 BLOCKED = 5.0  # s

@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from app.benchmarks import Metric
-from app.language import languages
-from app.protocols import load_all
-from app.report import FORMS, Style
-from app.report.content import Content, Visit, content
-from app.results import figure_rows
-from estimators.hand_anatomy import SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.measures.assessment import assess
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import SensorErrors
-from sessions.course import Course
-from sessions.course import Visit as Past
-from sessions.recording import LoadedRecording
-from sessions.repeatability import Values, values
+from handscope.app.benchmarks import Metric
+from handscope.app.language import languages
+from handscope.app.protocols import load_all
+from handscope.app.report import FORMS, Style
+from handscope.app.report.content import Content, Visit, content
+from handscope.app.results import figure_rows
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures.assessment import assess
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions.course import Course
+from handscope.sessions.course import Visit as Past
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.repeatability import Values, values
 
 TASKS = ("initial_pose", "rom_fist", "rom_spread", "rom_thumb", "rom_wrist", "tapping", "tapping", "tapping")
 SESSIONS, REPEATS = 20, 3

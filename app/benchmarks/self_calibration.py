@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.benchmarks import Metric
-from app.benchmarks.peak import high_water
-from estimators.hand_geometry import sized
-from estimators.methods import BATCH
-from estimators.processing import process
-from estimators.simulation import artificial_finger, free_movement
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.peak import high_water
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import BATCH
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import artificial_finger, free_movement
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
 
 LENGTHS = (10.0, 20.0, 40.0)  # s
 FINGER, HAND = 20.0, 90.0  # s of time that 40 s of one finger, and of a whole hand of 16 sensors, may take

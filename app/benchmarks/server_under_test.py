@@ -36,7 +36,7 @@ class Client:
 @contextmanager
 def server(data: Path, *words: str) -> Iterator[tuple[str, int]]:
     """A server on a free port: its one-time address and its process."""
-    command = [sys.executable, "-m", "app.cli", "serve", "--port", "0", "--data", str(data), *words]
+    command = [sys.executable, "-P", "-m", "handscope.app.cli", "serve", "--port", "0", "--data", str(data), *words]
     with _running(command) as process:
         assert process.stdout is not None
         line = next(line for line in process.stdout if "/login?token=" in line)
@@ -46,7 +46,7 @@ def server(data: Path, *words: str) -> Iterator[tuple[str, int]]:
 @contextmanager
 def glove(path: Path, *words: str) -> Iterator[None]:
     """A virtual glove at `path`."""
-    with _running([sys.executable, "-m", "app.cli", "glove", "--pty", str(path), *words]):
+    with _running([sys.executable, "-P", "-m", "handscope.app.cli", "glove", "--pty", str(path), *words]):
         wait_for(path.is_symlink)
         yield
 

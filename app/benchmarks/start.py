@@ -5,8 +5,8 @@ import time
 import urllib.request
 from pathlib import Path
 
-from app.benchmarks import Metric
-from app.benchmarks.server_under_test import Client, server
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.server_under_test import Client, server
 
 
 def measure() -> list[Metric]:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from app.benchmarks import Metric
-from app.benchmarks.batch import FAST, recording_of
-from estimators.methods import METHODS
-from estimators.processing import calibrate
-from estimators.samples import Block, Recording
-from estimators.trajectory import Trajectory
+from handscope.app.benchmarks import Metric
+from handscope.app.benchmarks.batch import FAST, recording_of
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import calibrate
+from handscope.estimators.samples import Block, Recording
+from handscope.estimators.trajectory import Trajectory
 
 TARGETS = {"m2": None, "ekf": 1.0}  # ms, 99th percentile: updates of the filter come at every 40th sample
 STEPS = 2000

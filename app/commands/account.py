@@ -7,11 +7,11 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from app.commands.audit import opened
-from app.commands.words import database_url, default_data, say
-from estimators.errors import InputError
-from sessions import accounts, audit, logins
-from sessions.accounts import LOCAL, ROLES
+from handscope.app.commands.audit import opened
+from handscope.app.commands.words import database_url, default_data, say
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, logins
+from handscope.sessions.accounts import LOCAL, ROLES
 
 ACTIONS = {
     "add": "a new account; prints a one-time address with which its owner sets a password",

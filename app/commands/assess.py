@@ -4,16 +4,16 @@ import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.commands.methods import add_method, add_recording, method_of, processed_by
-from app.commands.words import counted, output_folder, require_file, require_folder, say
-from app.language import DEFAULT, language, languages
-from app.protocols import load_all
-from app.report import FORMS, PAPERS, Style
-from app.version import software_version
-from estimators.errors import InputError
-from estimators.measures.accuracy import accuracy_of
-from estimators.measures.assessment import assess
-from sessions.writing import save_file, save_folder
+from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
+from handscope.app.commands.words import counted, output_folder, require_file, require_folder, say
+from handscope.app.language import DEFAULT, language, languages
+from handscope.app.protocols import load_all
+from handscope.app.report import FORMS, PAPERS, Style
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.accuracy import accuracy_of
+from handscope.estimators.measures.assessment import assess
+from handscope.sessions.writing import save_file, save_folder
 
 REPORTS = (".pdf", ".html")
 
@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from app.report.content import Visit, content
+    from handscope.app.report.content import Visit, content
 
     if arguments.report and arguments.report.suffix not in REPORTS:
         raise InputError(f"--report {arguments.report} does not end in {' or '.join(REPORTS)}")

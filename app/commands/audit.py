@@ -8,11 +8,11 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from app.commands.words import database_url, default_data, say
-from estimators.errors import InputError
-from sessions import audit, backup
-from sessions.database import FILE, open_database
-from sessions.tables import AuditLine
+from handscope.app.commands.words import database_url, default_data, say
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit, backup
+from handscope.sessions.database import FILE, open_database
+from handscope.sessions.tables import AuditLine
 
 BROKEN = 1  # exit code
 

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from app.commands.words import counted, database_url, default_data, require_file, say
-from app.version import software_version
-from sessions import backup
+from handscope.app.commands.words import counted, database_url, default_data, require_file, say
+from handscope.app.version import software_version
+from handscope.sessions import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:

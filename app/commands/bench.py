@@ -8,11 +8,11 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from app.benchmarks import BENCHES, Metric, bench, gate
-from app.commands.words import say
-from app.version import software_version
-from estimators.errors import InputError
-from sessions.writing import save_file
+from handscope.app.benchmarks import BENCHES, Metric, bench, gate
+from handscope.app.commands.words import say
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:

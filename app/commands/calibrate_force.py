@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.words import counted, default_data, output_folder, require_file, say
-from app.devices import force_strip
-from app.options import help_text, parse, with_options
-from estimators.errors import InputError
-from estimators.force.sensor import AXES, Solved, SolveParams, solve
-from estimators.force.setup import ForceSetup, table_of
-from estimators.hand_anatomy import FINGERS
-from estimators.quaternions import Array
-from sessions import force_calibrations
-from sessions.force_calibrations import SETUP
-from sessions.load_table import LoadTable, load_table
-from sessions.writing import save_file
+from handscope.app.commands.words import counted, default_data, output_folder, require_file, say
+from handscope.app.devices import force_strip
+from handscope.app.options import help_text, parse, with_options
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import AXES, Solved, SolveParams, solve
+from handscope.estimators.force.setup import ForceSetup, table_of
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.quaternions import Array
+from handscope.sessions import force_calibrations
+from handscope.sessions.force_calibrations import SETUP
+from handscope.sessions.load_table import LoadTable, load_table
+from handscope.sessions.writing import save_file
 
 USUAL = 0.025  # share by which forces of a sensor without this are taken to be wrong: `force_scale` of fingertip_forces.py
 

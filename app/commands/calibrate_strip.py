@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.methods import add_recording
-from app.commands.words import say
-from app.devices import strip_flash
-from app.options import help_text, parse, with_options
-from estimators import magnetometer_plate
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.imu_calibration import CALIBRATED
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG
-from estimators.six_positions import Solved, SolveParams, solve
-from sessions import formats
-from sessions.recording import LoadedRecording
-from sessions.writing import save_file
+from handscope.app.commands.methods import add_recording
+from handscope.app.commands.words import say
+from handscope.app.devices import strip_flash
+from handscope.app.options import help_text, parse, with_options
+from handscope.estimators import magnetometer_plate
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.imu_calibration import CALIBRATED
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG
+from handscope.estimators.six_positions import Solved, SolveParams, solve
+from handscope.sessions import formats
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -7,28 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.methods import method_of
-from app.commands.words import output_folder, progress_bar, require_file, require_folder, say
-from app.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
-from app.options import help_text
-from estimators import marker_clusters
-from estimators.errors import InputError
-from estimators.hand_anatomy import ANGLES, HANDS, Hand
-from estimators.marker_clusters import FlatPose, Markers
-from estimators.measures import clock_drift, comparison, synchronisation, tip_errors
-from estimators.measures.comparison import WHOLE, Pair
-from estimators.measures.synchronisation import Lag
-from estimators.measures.tip_errors import Frame
-from estimators.methods import METHODS
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.trajectory import Trajectory
-from sessions import c3d, formats, native
-from sessions.motion_bids import kinematics
-from sessions.motion_bids.kinematics import Kinematics
-from sessions.recording import LoadedRecording
-from sessions.writing import save_file, save_folder
+from handscope.app.commands.methods import method_of
+from handscope.app.commands.words import output_folder, progress_bar, require_file, require_folder, say
+from handscope.app.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
+from handscope.app.options import help_text
+from handscope.estimators import marker_clusters
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import ANGLES, HANDS, Hand
+from handscope.estimators.marker_clusters import FlatPose, Markers
+from handscope.estimators.measures import clock_drift, comparison, synchronisation, tip_errors
+from handscope.estimators.measures.comparison import WHOLE, Pair
+from handscope.estimators.measures.synchronisation import Lag
+from handscope.estimators.measures.tip_errors import Frame
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions import c3d, formats, native
+from handscope.sessions.motion_bids import kinematics
+from handscope.sessions.motion_bids.kinematics import Kinematics
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.writing import save_file, save_folder
 
 OURS = ("_tracksys-handscope_", "_tracksys-truth_")  # tables whose places are in the wrist's frame
 FIRST = 3.0  # s of the flat pose of markers where nothing else is said
@@ -142,7 +142,7 @@ def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, 
     """The Bland-Altman plot of the whole recording in each form."""
     if not forms:
         return {}
-    from app.report.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
+    from handscope.app.report.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
 
     words = ". ".join(f"{letter}: {side.name}, {side.source}" for letter, side in (("A", compared.a), ("B", compared.b)))
     whole = [g for g in compared.agreements if g.task == WHOLE]

@@ -7,12 +7,12 @@ import sys
 import time
 from pathlib import Path
 
-from app.commands import serve
-from app.commands.words import say
-from estimators.errors import InputError
-from sessions import patients
-from sessions.store import open_store
-from sessions.tables import Patient
+from handscope.app.commands import serve
+from handscope.app.commands.words import say
+from handscope.estimators.errors import InputError
+from handscope.sessions import patients
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import Patient
 
 GLOVES = ("left", "right")
 FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there
@@ -58,7 +58,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _glove(path: Path, hand: str, seed: int, strips: str) -> "subprocess.Popen[bytes]":
     path.unlink(missing_ok=True)
-    words = [sys.executable, "-m", "app.cli", "glove", "--pty", str(path), "--hand", hand, "--seed", str(seed), "--strips", strips]
+    words = [
+        sys.executable,
+        "-P",
+        "-m",
+        "handscope.app.cli",
+        "glove",
+        "--pty",
+        str(path),
+        "--hand",
+        hand,
+        "--seed",
+        str(seed),
+        "--strips",
+        strips,
+    ]
     return subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
 

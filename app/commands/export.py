@@ -3,14 +3,14 @@
 import argparse
 from pathlib import Path
 
-from app.commands.methods import add_method, add_recording, method_of, processed_by
-from app.commands.words import output_folder, require_file, say
-from app.language import ENGLISH
-from app.protocols import load_all
-from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENT
-from sessions import formats, motion_bids
-from sessions.writing import save_file
+from handscope.app.commands.methods import add_method, add_recording, method_of, processed_by
+from handscope.app.commands.words import output_folder, require_file, say
+from handscope.app.language import ENGLISH
+from handscope.app.protocols import load_all
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.sessions import formats, motion_bids
+from handscope.sessions.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write_replay(arguments: argparse.Namespace) -> None:
-    from app.replay_file import chapters, replay_file  # here: the scene takes a while to import
+    from handscope.app.replay_file import chapters, replay_file  # here: the scene takes a while to import
 
     method, params = method_of(arguments)
     recording, processed = processed_by(method, params, arguments)

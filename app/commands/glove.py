@@ -12,22 +12,22 @@ from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say, seed
-from app.devices.virtual_glove import terminal
-from app.devices.virtual_glove.faults import FaultParams, Faults
-from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.flash import Flash, delivered, require_fitting
-from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
-from estimators import full_scales
-from estimators.errors import InputError
-from estimators.force.setup import ForceSetup, setups_from
-from estimators.hand_anatomy import FINGERS, HANDS, Hand
-from estimators.hand_geometry import sized
-from estimators.samples import GYR
-from estimators.simulation import tasks
-from estimators.simulation.sensors import SensorErrors
-from sessions import formats
-from sessions.wire.messages import Format
+from handscope.app.commands.words import say, seed
+from handscope.app.devices.virtual_glove import terminal
+from handscope.app.devices.virtual_glove.faults import FaultParams, Faults
+from handscope.app.devices.virtual_glove.firmware import Build, Firmware
+from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
+from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
+from handscope.estimators import full_scales
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.setup import ForceSetup, setups_from
+from handscope.estimators.hand_anatomy import FINGERS, HANDS, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.samples import GYR
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions import formats
+from handscope.sessions.wire.messages import Format
 
 ALL_STRIPS = (*FINGERS, "forearm")
 

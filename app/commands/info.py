@@ -2,10 +2,10 @@
 
 import argparse
 
-from app.commands.methods import add_recording
-from app.commands.shortfalls import shortfalls
-from app.commands.words import say
-from sessions import formats
+from handscope.app.commands.methods import add_recording
+from handscope.app.commands.shortfalls import shortfalls
+from handscope.app.commands.words import say
+from handscope.sessions import formats
 
 
 def add(parser: argparse.ArgumentParser) -> None:

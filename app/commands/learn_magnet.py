@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say
-from app.options import with_options
-from estimators import magnet_learning
-from estimators.hand_anatomy import HANDS
-from estimators.magnet_learning import Learnt, Roughly
-from estimators.magnet_plate import Plate, table_of
-from estimators.options import describe
-from estimators.quaternions import Array
-from sessions import formats
-from sessions.writing import save_file
+from handscope.app.commands.words import say
+from handscope.app.options import with_options
+from handscope.estimators import magnet_learning
+from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.magnet_learning import Learnt, Roughly
+from handscope.estimators.magnet_plate import Plate, table_of
+from handscope.estimators.options import describe
+from handscope.estimators.quaternions import Array
+from handscope.sessions import formats
+from handscope.sessions.writing import save_file
 
 MM = 1e3
 HARDLY = 0.8  # of the standard deviation that was told: less than that a movement has not told

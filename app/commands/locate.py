@@ -7,21 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say
-from estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, magnet_uneven
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.magnet_array import Still, Turned
-from estimators.magnet_late import TOLD
-from estimators.magnet_localisation import Located
-from estimators.magnet_search import Search, Searched
-from estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
-from estimators.quaternions import Array
-from estimators.samples import MAG
-from sessions import array_table, formats
-from sessions.array_description import Described, described
-from sessions.number_table import NumberTable
-from sessions.writing import save_file
+from handscope.app.commands.words import say
+from handscope.estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, magnet_uneven
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet_array import Still, Turned
+from handscope.estimators.magnet_late import TOLD
+from handscope.estimators.magnet_localisation import Located
+from handscope.estimators.magnet_search import Search, Searched
+from handscope.estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG
+from handscope.sessions import array_table, formats
+from handscope.sessions.array_description import Described, described
+from handscope.sessions.number_table import NumberTable
+from handscope.sessions.writing import save_file
 
 COLUMNS = (
     *("t", "x", "y", "z", "x_sd", "y_sd", "z_sd", "moment_x", "moment_y", "moment_z", "moment_x_sd", "moment_y_sd", "moment_z_sd"),

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from app.commands.words import default_data, say
-from estimators.errors import InputError
-from sessions.logins import new_token
+from handscope.app.commands.words import default_data, say
+from handscope.estimators.errors import InputError
+from handscope.sessions.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:

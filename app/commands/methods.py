@@ -5,15 +5,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from app.commands.words import progress_bar
-from app.options import help_text, parse, with_options
-from app.time_limit import LIMIT, within
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS
-from estimators.methods import ALL_METHODS
-from estimators.processing import Processed, process
-from sessions import calibration_result, formats
-from sessions.recording import LoadedRecording
+from handscope.app.commands.words import progress_bar
+from handscope.app.options import help_text, parse, with_options
+from handscope.app.time_limit import LIMIT, within
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import Processed, process
+from handscope.sessions import calibration_result, formats
+from handscope.sessions.recording import LoadedRecording
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:

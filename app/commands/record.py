@@ -6,20 +6,20 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from app.commands.methods import add_method, method_of
-from app.commands.shortfalls import shortfalls
-from app.commands.words import output_folder, progress_bar, require_file, require_folder, say
-from app.devices.glove import Glove
-from app.live.tracking import Tracking
-from app.version import software_version
-from estimators import initial_pose, trajectory
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS
-from estimators.hand_geometry import measures_from, sized
-from estimators.processing import Processed
-from estimators.trajectory import Trajectory
-from sessions import derivative, formats
-from sessions.writing import save_folder
+from handscope.app.commands.methods import add_method, method_of
+from handscope.app.commands.shortfalls import shortfalls
+from handscope.app.commands.words import output_folder, progress_bar, require_file, require_folder, say
+from handscope.app.devices.glove import Glove
+from handscope.app.live.tracking import Tracking
+from handscope.app.version import software_version
+from handscope.estimators import initial_pose, trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.hand_geometry import measures_from, sized
+from handscope.estimators.processing import Processed
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions import derivative, formats
+from handscope.sessions.writing import save_folder
 
 OPEN_WAIT = 15.0  # s for the recording process to start and open the port
 SPEAK_WAIT = 5.0  # s for the glove to say who it is and to send samples

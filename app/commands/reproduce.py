@@ -8,15 +8,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from app.commands.words import output_folder, progress_bar, say
-from app.reproduce import REPRODUCTIONS, Wanted, default_broad_data, reproduction
-from app.reproduce.experiments import sizes
-from app.reproduce.finding import Finding, as_json
-from app.reproduce.layout import as_markdown, as_text, placed, sizes_as_markdown, sizes_as_text
-from app.reproduce.workers import measured
-from app.version import software_version
-from estimators.errors import InputError
-from sessions.writing import save_file, save_folder
+from handscope.app.commands.words import output_folder, progress_bar, say
+from handscope.app.reproduce import REPRODUCTIONS, Wanted, default_broad_data, reproduction
+from handscope.app.reproduce.experiments import sizes
+from handscope.app.reproduce.finding import Finding, as_json
+from handscope.app.reproduce.layout import as_markdown, as_text, placed, sizes_as_markdown, sizes_as_text
+from handscope.app.reproduce.workers import measured
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.sessions.writing import save_file, save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:

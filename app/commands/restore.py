@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from app.commands.words import counted, database_url, progress_bar, say
-from estimators.errors import InputError
-from sessions import backup
+from handscope.app.commands.words import counted, database_url, progress_bar, say
+from handscope.estimators.errors import InputError
+from handscope.sessions import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -14,14 +14,14 @@ from types import FrameType
 
 import uvicorn
 
-from app.commands.words import FOLDER, database_url, default_data, say
-from app.options import parse
-from app.server import create_app
-from app.settings import Settings
-from app.single_sign_on import SCOPE, SignOn
-from estimators.errors import InputError
-from sessions.accounts import ROLES
-from sessions.logins import new_token
+from handscope.app.commands.words import FOLDER, database_url, default_data, say
+from handscope.app.options import parse
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.app.single_sign_on import SCOPE, SignOn
+from handscope.estimators.errors import InputError
+from handscope.sessions.accounts import ROLES
+from handscope.sessions.logins import new_token
 
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login

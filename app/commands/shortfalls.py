@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from sessions.absences import absences
-from sessions.recording import LoadedRecording
+from handscope.sessions.absences import absences
+from handscope.sessions.recording import LoadedRecording
 
 
 def shortfalls(recording: LoadedRecording) -> Iterator[str]:

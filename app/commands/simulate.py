@@ -7,25 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from app.commands.words import say, seed
-from app.qualisys import read_markers
-from app.version import software_version
-from estimators.errors import InputError
-from estimators.hand_anatomy import HANDS
-from estimators.hand_geometry import sized
-from estimators.simulation import captured, functional, guided, held_object, tasks
-from estimators.simulation.experiments import EXPERIMENTS, recorded
-from estimators.simulation.magnetic_field import MagneticField, homogeneous, office
-from estimators.simulation.person import Person, drawn
-from estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
-from estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
-from estimators.simulation.tasks import Performance
-from estimators.simulation.transmission import LINKS
-from estimators.simulation.trunk import TrunkGlove
-from sessions.motion_bids import writer
-from sessions.motion_bids.truth import truth_files
-from sessions.recording import LoadedRecording
-from sessions.writing import save_file
+from handscope.app.commands.words import say, seed
+from handscope.app.qualisys import read_markers
+from handscope.app.version import software_version
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation import captured, functional, guided, held_object, tasks
+from handscope.estimators.simulation.experiments import EXPERIMENTS, recorded
+from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous, office
+from handscope.estimators.simulation.person import Person, drawn
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
+from handscope.estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.simulation.transmission import LINKS
+from handscope.estimators.simulation.trunk import TrunkGlove
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.motion_bids.truth import truth_files
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.writing import save_file
 
 FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
 

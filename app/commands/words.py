@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 FOLDER = "handscope-data"  # in the user's home
 

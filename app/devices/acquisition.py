@@ -13,11 +13,11 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
-from app.devices.pipes import Kind, read_frame, write_frame
-from app.devices.ports import open_port
-from estimators.errors import InputError
-from estimators.events import Event
-from sessions.recorder import Recorder
+from handscope.app.devices.pipes import Kind, read_frame, write_frame
+from handscope.app.devices.ports import open_port
+from handscope.estimators.errors import InputError
+from handscope.estimators.events import Event
+from handscope.sessions.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
 RETRY = 0.5  # s between two tries to open a port that went away

@@ -1,11 +1,11 @@
 """Which strip of the glove at a port has a fingertip's force sensor, and whether a calibration that is kept here can be applied to it."""
 
-from app.devices.strip_flash import Talk
-from estimators.errors import InputError
-from estimators.force.sensor import ForceCalibration
-from estimators.samples import FORCE
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler
+from handscope.app.devices.strip_flash import Talk
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import ForceCalibration
+from handscope.estimators.samples import FORCE
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler
 
 
 def strip_of(path: str, point: str, found: ForceCalibration) -> int:

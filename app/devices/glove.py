@@ -17,12 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, cast
 
-from app.devices.pipes import Kind, frames_that_wait, write_frame
-from estimators.samples import Block, Event
-from sessions import force_calibrations
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler
-from sessions.wire.framing import Encoder
+from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
+from handscope.estimators.samples import Block, Event
+from handscope.sessions import force_calibrations
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.framing import Encoder
 
 log = logging.getLogger(__name__)
 CLOSE_WAIT = 10.0  # s that the recording process gets to finish its file
@@ -51,7 +51,9 @@ class Glove:
         self._changed = threading.Condition()
 
     def __enter__(self) -> "Glove":
-        self._process = subprocess.Popen([sys.executable, "-m", "app.devices.acquisition"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "handscope.app.devices.acquisition"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
         self._tell(Kind.OPEN, json.dumps({"port": self._port, "recording": str(self.recording), "metadata": dict(self._metadata)}).encode())
         self._thread = threading.Thread(target=self._receive, name=f"glove {self._port}", daemon=True)
         self._thread.start()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import serialx
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 BAUD = 115200  # ignored by USB; a value that every driver takes
 READ_WAIT = 0.1  # s that a read waits for the first byte

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from app.devices.ports import open_port
-from estimators.errors import InputError
-from estimators.imu_calibration import ImuCalibration
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler, correction_of, message_of
-from sessions.wire.framing import Encoder
+from handscope.app.devices.ports import open_port
+from handscope.estimators.errors import InputError
+from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
+from handscope.sessions.wire.framing import Encoder
 
 ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 0.1
 

@@ -21,8 +21,8 @@ from babel.dates import format_date, format_time
 from babel.lists import format_list
 from babel.numbers import format_decimal
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import SEGMENTS
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
@@ -141,7 +141,7 @@ def faults() -> list[str]:
 
 @cache
 def _here() -> tuple[dict[str, Language], list[str]]:
-    return read(files("app.language"))
+    return read(files("handscope.app.language"))
 
 
 def read(folder: Traversable) -> tuple[dict[str, Language], list[str]]:

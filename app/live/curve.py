@@ -7,10 +7,10 @@ from itertools import takewhile
 
 import numpy as np
 
-from estimators.hand_anatomy import ANGLES, FINGERS, JOINT
-from estimators.measures.forearm_rotation import palm_turn
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import ANGLES, FINGERS, JOINT
+from handscope.estimators.measures.forearm_rotation import palm_turn
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 LENGTH = 20.0  # s kept for viewers
 LONGEST = 600.0  # s of an attempt that are kept for its numbers; what comes later is not counted

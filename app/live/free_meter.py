@@ -9,18 +9,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.live.tracking import Tracking
-from estimators import joint_observability
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, FLEXION, JOINT, SEGMENT
-from estimators.joint_observability import Limb, Observed, Told
-from estimators.quaternions import Array
-from estimators.samples import Block
-from estimators.self_calibration import recordings
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.problem import Noise
-from estimators.trajectory import Trajectory
+from handscope.app.live.tracking import Tracking
+from handscope.estimators import joint_observability
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.joint_observability import Limb, Observed, Told
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
+from handscope.estimators.self_calibration import recordings
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.problem import Noise
+from handscope.estimators.trajectory import Trajectory
 
 log = logging.getLogger(__name__)
 EVERY = 1.0  # s of samples that are taken in at a time

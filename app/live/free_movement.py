@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from app.devices.glove import Glove
-from app.live.free_meter import FreeMeter
-from app.live.solving import Solving
-from app.live.tracking import Tracking
-from app.live.wizard import Order
-from estimators.calibration import Known
-from estimators.samples import Event
-from sessions.recording import LoadedRecording
-from sessions.self_calibrations import ALL, Found, taken_over
+from handscope.app.devices.glove import Glove
+from handscope.app.live.free_meter import FreeMeter
+from handscope.app.live.solving import Solving
+from handscope.app.live.tracking import Tracking
+from handscope.app.live.wizard import Order
+from handscope.estimators.calibration import Known
+from handscope.estimators.samples import Event
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.self_calibrations import ALL, Found, taken_over
 
 
 class FreeMovement:

@@ -14,11 +14,11 @@ from itertools import takewhile
 
 import numpy as np
 
-from estimators import hand_filter
-from estimators.calibration import Calibration
-from estimators.hand_filter import HandFilterParams, HandPath
-from estimators.quaternions import Array
-from estimators.samples import Block, join
+from handscope.estimators import hand_filter
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_filter import HandFilterParams, HandPath
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, join
 
 log = logging.getLogger(__name__)
 PARAMS = HandFilterParams(update=0.1)  # twice as long as where the path is measured: this one is only drawn, and each look costs

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from app.live.tracking import Tracking
-from estimators.calibration import Calibration
-from estimators.force import fingertip_forces
-from estimators.force.fingertip_forces import ForceParams
-from estimators.measures.in_hand import SO_FAR
-from estimators.quaternions import Array
-from estimators.samples import FORCE
+from handscope.app.live.tracking import Tracking
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.force import fingertip_forces
+from handscope.estimators.force.fingertip_forces import ForceParams
+from handscope.estimators.measures.in_hand import SO_FAR
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import FORCE
 
 log = logging.getLogger(__name__)
 PAUSE = 0.7  # s between two estimates

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from app.live.wizard import Order
-from app.protocols import Protocol
-from estimators.measures.asked import PAUSE
-from estimators.samples import Event
+from handscope.app.live.wizard import Order
+from handscope.app.protocols import Protocol
+from handscope.estimators.measures.asked import PAUSE
+from handscope.estimators.samples import Event
 
 UNTOLD: Mapping[str, float] = {}
 

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.devices.glove import Glove
-from app.live.tracking import Tracking
-from app.live.wizard import Order
-from estimators.functional_steps import Piece
-from estimators.samples import Event
+from handscope.app.devices.glove import Glove
+from handscope.app.live.tracking import Tracking
+from handscope.app.live.wizard import Order
+from handscope.estimators.functional_steps import Piece
+from handscope.estimators.samples import Event
 
 
 class MeasuredSteps:

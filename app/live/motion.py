@@ -11,7 +11,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from estimators.samples import ACC, GYR, Block, every
+from handscope.estimators.samples import ACC, GYR, Block, every
 
 
 @dataclass(frozen=True)

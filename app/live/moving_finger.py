@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from app.live.motion import Motion
-from estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.app.live.motion import Motion
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
 
 MOVES = 0.6  # rad/s at which a segment is lit while sensors are checked
 ALONE = 2.0  # times as fast as every other finger moves the one that bends alone

@@ -6,11 +6,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from app.protocols import Protocol
-from estimators.calibration import Known
-from estimators.hand_anatomy import Hand
-from estimators.hand_geometry import HandGeometry
-from sessions.self_calibrations import Found
+from handscope.app.protocols import Protocol
+from handscope.estimators.calibration import Known
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.sessions.self_calibrations import Found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from app.working_process import CONTEXT, heed_the_server_alone
-from estimators.errors import InputError
-from sessions.recording import LoadedRecording
-from sessions.self_calibrations import Found
+from handscope.app.working_process import CONTEXT, heed_the_server_alone
+from handscope.estimators.errors import InputError
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.self_calibrations import Found
 
 log = logging.getLogger(__name__)
 LONGEST = 600.0  # s
@@ -65,9 +65,9 @@ def _solve(pipe: Connection, recording: LoadedRecording) -> None:
 
 
 def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
-    from app.report.self_calibration import found_of
-    from estimators.methods import BATCH
-    from estimators.processing import process
+    from handscope.app.report.self_calibration import found_of
+    from handscope.estimators.methods import BATCH
+    from handscope.estimators.processing import process
 
     with contextlib.suppress(ImportError):
         from threadpoolctl import threadpool_limits

@@ -15,33 +15,33 @@ from typing import Any, Literal
 
 import numpy as np
 
-from app.devices.glove import Glove
-from app.live import ghost, kept_trials, wizard
-from app.live.curve import Curve
-from app.live.free_movement import FreeMovement
-from app.live.held_so_far import HeldSoFar
-from app.live.measured_steps import MeasuredSteps
-from app.live.moving_finger import MOVES, bends
-from app.live.setup import Setup
-from app.live.telling import beat, tell
-from app.live.tracking import Tracking
-from app.live.viewers import Viewers
-from app.live.whereabouts import Whereabouts
-from app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
-from app.scene.scene_apart import SceneApart
-from app.version import software_version
-from estimators import calibration_quality
-from estimators.calibration import Calibration
-from estimators.calibration_quality import JointQuality
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.hand_geometry import table_of
-from estimators.initial_pose import DEG, THERAPIST, Pose
-from estimators.quaternions import Array
-from estimators.samples import Block, Event
-from estimators.simulation.tasks import POSE_THUMB
-from estimators.trajectory import Trajectory
-from sessions.wire.messages import Cue
+from handscope.app.devices.glove import Glove
+from handscope.app.live import ghost, kept_trials, wizard
+from handscope.app.live.curve import Curve
+from handscope.app.live.free_movement import FreeMovement
+from handscope.app.live.held_so_far import HeldSoFar
+from handscope.app.live.measured_steps import MeasuredSteps
+from handscope.app.live.moving_finger import MOVES, bends
+from handscope.app.live.setup import Setup
+from handscope.app.live.telling import beat, tell
+from handscope.app.live.tracking import Tracking
+from handscope.app.live.viewers import Viewers
+from handscope.app.live.whereabouts import Whereabouts
+from handscope.app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
+from handscope.app.scene.scene_apart import SceneApart
+from handscope.app.version import software_version
+from handscope.estimators import calibration_quality
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.calibration_quality import JointQuality
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand_geometry import table_of
+from handscope.estimators.initial_pose import DEG, THERAPIST, Pose
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Event
+from handscope.estimators.simulation.tasks import POSE_THUMB
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
 TICK = 0.1  # s

@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from app.live import wizard as wz
-from app.live.told_angles import told_angles
-from app.live.wizard import Facts, State, Wizard
-from app.protocols import Protocol
-from estimators.calibration import Calibration
-from estimators.calibration_quality import JointQuality
-from estimators.functional_steps import Piece
-from estimators.hand_anatomy import SEGMENTS
-from estimators.measures import repetitions, tapping
-from estimators.samples import FORCE
+from handscope.app.live import wizard as wz
+from handscope.app.live.told_angles import told_angles
+from handscope.app.live.wizard import Facts, State, Wizard
+from handscope.app.protocols import Protocol
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.calibration_quality import JointQuality
+from handscope.estimators.functional_steps import Piece
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.measures import repetitions, tapping
+from handscope.estimators.samples import FORCE
 
 if TYPE_CHECKING:
-    from app.live.station import Station
+    from handscope.app.live.station import Station
 
 SPOILT = ("This step cannot be used", "Repeat it, or leave it out and go on.")
 STOPPED = ("Nothing more is recorded", "What was recorded and accepted until then is kept; the trial that ran is not. End the session.")

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from estimators.hand_anatomy import ANGLES, JOINTS
-from estimators.quaternions import Array
+from handscope.estimators.hand_anatomy import ANGLES, JOINTS
+from handscope.estimators.quaternions import Array
 
 FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
 MOVING = tuple(np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T)  # where they stand in a row's angles

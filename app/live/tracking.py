@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.live.hand_trail import HandTrail
-from app.live.motion import Motion, latest, motions
-from estimators import functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
-from estimators.calibration import Calibration, Known
-from estimators.finding import Finding
-from estimators.functional_steps import Piece
-from estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.initial_pose import Pose
-from estimators.processing import with_known
-from estimators.quaternions import Array
-from estimators.samples import Block, join, joined
-from estimators.trajectory import Flag, Trajectory
+from handscope.app.live.hand_trail import HandTrail
+from handscope.app.live.motion import Motion, latest, motions
+from handscope.estimators import functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
+from handscope.estimators.calibration import Calibration, Known
+from handscope.estimators.finding import Finding
+from handscope.estimators.functional_steps import Piece
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.initial_pose import Pose
+from handscope.estimators.processing import with_known
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, join, joined
+from handscope.estimators.trajectory import Flag, Trajectory
 
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped

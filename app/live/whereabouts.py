@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from estimators import hand_place
-from estimators.errors import InputError
-from estimators.hand_place import PlaceParams, Places, Setting
-from estimators.magnet_plate import Plate
-from estimators.magnet_streams import concerned, magnetometers
-from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.trajectory import PLACE_WORDS
+from handscope.estimators import hand_place
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_place import PlaceParams, Places, Setting
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.magnet_streams import concerned, magnetometers
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.trajectory import PLACE_WORDS
 
 log = logging.getLogger(__name__)
 QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped

@@ -10,28 +10,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from app.live.wizard_state import PATIENT as PATIENT
-from app.live.wizard_state import ROUTINE as ROUTINE
-from app.live.wizard_state import Attempt as Attempt
-from app.live.wizard_state import Facts as Facts
-from app.live.wizard_state import Judged as Judged
-from app.live.wizard_state import Wizard as Wizard
-from app.live.wizard_state import good_steps
-from app.live.wizard_state import ready as ready
-from app.live.wizard_table import BY_PERSON as BY_PERSON
-from app.live.wizard_table import COUNTING as COUNTING
-from app.live.wizard_table import MOVING_FREELY as MOVING_FREELY
-from app.live.wizard_table import OUTCOMES as OUTCOMES
-from app.live.wizard_table import PASSING as PASSING
-from app.live.wizard_table import RUNNING as RUNNING
-from app.live.wizard_table import STEPPING as STEPPING
-from app.live.wizard_table import TRANSITIONS as TRANSITIONS
-from app.live.wizard_table import Act as Act
-from app.live.wizard_table import State as State
-from app.live.wizard_time import done as done
-from app.live.wizard_time import progress as progress
-from app.live.wizard_time import remaining as remaining
-from app.live.wizard_time import resumed_at as resumed_at
+from handscope.app.live.wizard_state import PATIENT as PATIENT
+from handscope.app.live.wizard_state import ROUTINE as ROUTINE
+from handscope.app.live.wizard_state import Attempt as Attempt
+from handscope.app.live.wizard_state import Facts as Facts
+from handscope.app.live.wizard_state import Judged as Judged
+from handscope.app.live.wizard_state import Wizard as Wizard
+from handscope.app.live.wizard_state import good_steps
+from handscope.app.live.wizard_state import ready as ready
+from handscope.app.live.wizard_table import BY_PERSON as BY_PERSON
+from handscope.app.live.wizard_table import COUNTING as COUNTING
+from handscope.app.live.wizard_table import MOVING_FREELY as MOVING_FREELY
+from handscope.app.live.wizard_table import OUTCOMES as OUTCOMES
+from handscope.app.live.wizard_table import PASSING as PASSING
+from handscope.app.live.wizard_table import RUNNING as RUNNING
+from handscope.app.live.wizard_table import STEPPING as STEPPING
+from handscope.app.live.wizard_table import TRANSITIONS as TRANSITIONS
+from handscope.app.live.wizard_table import Act as Act
+from handscope.app.live.wizard_table import State as State
+from handscope.app.live.wizard_time import done as done
+from handscope.app.live.wizard_time import progress as progress
+from handscope.app.live.wizard_time import remaining as remaining
+from handscope.app.live.wizard_time import resumed_at as resumed_at
 
 LATE = 0.3  # s after a calibration step until it is measured: by then the last strip's samples have come
 CALM = 0.3  # rad/s below which nothing bends: between two fingers of the check

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
-from app.live.wizard_table import BY_PERSON, PASSING, TRANSITIONS, Act, State
-from app.protocols import Protocol, groups
-from estimators.functional_steps import BENT
-from estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.app.live.wizard_table import BY_PERSON, PASSING, TRANSITIONS, Act, State
+from handscope.app.protocols import Protocol, groups
+from handscope.estimators.functional_steps import BENT
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
 
 ROUTINE = "routine"  # the group of the usual assessment
 PATIENT = 15.0  # s of a pose that does not become still until another way is proposed

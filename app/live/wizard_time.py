@@ -1,7 +1,7 @@
 """How far a pose, a task or a step has come: pauses do not count."""
 
-from app.live.wizard_state import Facts, Wizard
-from app.live.wizard_table import COUNTING, RUNNING, State
+from handscope.app.live.wizard_state import Facts, Wizard
+from handscope.app.live.wizard_table import COUNTING, RUNNING, State
 
 
 def progress(wizard: Wizard, facts: Facts) -> float:

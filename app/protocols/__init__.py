@@ -16,10 +16,10 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from app.protocols.lines import line_of
-from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES
-from estimators.samples import TRACKED_POINTS
+from handscope.app.protocols.lines import line_of
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.samples import TRACKED_POINTS
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]
@@ -155,7 +155,7 @@ def offered(data: Path) -> tuple[dict[str, Protocol], list[str]]:
 
 def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[str]]:
     """Every protocol of a folder (this one) by name, in order, and a sentence for each file that has a fault: its field and what is allowed."""
-    inside = sorted((folder or files("app.protocols")).iterdir(), key=lambda entry: entry.name)
+    inside = sorted((folder or files("handscope.app.protocols")).iterdir(), key=lambda entry: entry.name)
     found, faults = [], []
     for entry in (e for e in inside if e.name.endswith(".json")):
         try:
@@ -167,12 +167,12 @@ def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[s
 
 def load_steps() -> dict[str, Protocol]:
     """The steps of a functional calibration, in order: the folder `functional`; each is named as the step that it is."""
-    return load_all(files("app.protocols") / "functional")
+    return load_all(files("handscope.app.protocols") / "functional")
 
 
 def load_free() -> Protocol:
     """The free movement that a hand calibrates itself from: the folder `self_calibration`."""
-    (found,) = load_all(files("app.protocols") / "self_calibration").values()
+    (found,) = load_all(files("handscope.app.protocols") / "self_calibration").values()
     return found
 
 

@@ -15,16 +15,16 @@ from importlib.resources import files
 
 import numpy as np
 
-from app.language import Language
-from app.protocols import Protocol
-from app.scene import bones, postures, view
-from app.scene.bridge import without_controls
-from app.scene.hand_scene import HandScene
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.samples import Event
+from handscope.app.language import Language
+from handscope.app.protocols import Protocol
+from handscope.app.scene import bones, postures, view
+from handscope.app.scene.bridge import without_controls
+from handscope.app.scene.hand_scene import HandScene
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
 
 RATE = 30.0  # pictures a second; the player turns the bones on between two
 FULL = 4095  # steps from 0 to 1: 0.03 deg, 0.05 mm; finer would only keep the noise and double the file

@@ -1,14 +1,14 @@
 """The replay file of a kept result."""
 
-from app.language import Language
-from app.protocols import offered
-from app.replay_file import chapters, replay_file
-from app.results import load_replay
-from estimators.hand_geometry import measures_from, sized
-from estimators.samples import Event
-from sessions import records
-from sessions.store import Store
-from sessions.tables import Result
+from handscope.app.language import Language
+from handscope.app.protocols import offered
+from handscope.app.replay_file import chapters, replay_file
+from handscope.app.results import load_replay
+from handscope.estimators.hand_geometry import measures_from, sized
+from handscope.estimators.samples import Event
+from handscope.sessions import records
+from handscope.sessions.store import Store
+from handscope.sessions.tables import Result
 
 
 def of_result(store: Store, result: Result, named: bool, language: Language) -> bytes:

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from app.language import ENGLISH, Language
+from handscope.app.language import ENGLISH, Language
 
 if TYPE_CHECKING:
-    from app.report.content import Content
+    from handscope.app.report.content import Content
 
 Paper = Literal["a4", "us-letter"]
 PAPERS: tuple[Paper, ...] = get_args(Paper)
@@ -22,25 +22,25 @@ class Style:
 
 
 def _pdf(content: "Content", style: Style) -> bytes:
-    from app.report.pdf import pdf
+    from handscope.app.report.pdf import pdf
 
     return pdf(content, style.language, style.paper)
 
 
 def _html(content: "Content", style: Style) -> bytes:
-    from app.report.html import html
+    from handscope.app.report.html import html
 
     return html(content, style.language)
 
 
 def _csv(content: "Content", style: Style) -> bytes:
-    from app.report.tables import csv
+    from handscope.app.report.tables import csv
 
     return csv(content)
 
 
 def _json(content: "Content", style: Style) -> bytes:
-    from app.report.tables import json
+    from handscope.app.report.tables import json
 
     return json(content)
 

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.report.plots import ACCENT, GREY, HAIR, INK, SETTINGS
-from app.report.units import READABLE
-from estimators.measures.comparison import Agreement, Pair
+from handscope.app.report.plots import ACCENT, GREY, HAIR, INK, SETTINGS
+from handscope.app.report.units import READABLE
+from handscope.estimators.measures.comparison import Agreement, Pair
 
 Form = Literal["svg", "png", "pdf"]
 POINTS = 600  # of a panel at most: more are one blot

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from app.language import Language
-from app.report.changes import Change, Changes
-from app.report.content import Task
-from app.report.range_rows import RangeRow
-from app.report.words import ROTATION, SIDES, side_words
-from estimators.measures.range_of_motion import Range
+from handscope.app.language import Language
+from handscope.app.report.changes import Change, Changes
+from handscope.app.report.content import Task
+from handscope.app.report.range_rows import RangeRow
+from handscope.app.report.words import ROTATION, SIDES, side_words
+from handscope.estimators.measures.range_of_motion import Range
 
 End = Literal["smallest", "largest"]
 ENDS: tuple[tuple[End, int], ...] = (("smallest", -1), ("largest", 1))  # and the direction in which it is more

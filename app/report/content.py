@@ -10,21 +10,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from app.protocols import Protocol
-from app.report.changes import Changes
-from app.report.self_calibration import kept_of
-from estimators.calibration import SensorQuality
-from estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
-from estimators.measures import MEASURES
-from estimators.measures.assessment import TaskResult
-from estimators.measures.range_of_motion import Range
-from estimators.methods import ALL_METHODS
-from estimators.options import Description, describe
-from estimators.processing import Processed
-from estimators.quaternions import Array
-from estimators.trajectory import FLAG_WORDS, Flag, Trajectory
-from sessions.course import Course
-from sessions.recording import LoadedRecording
+from handscope.app.protocols import Protocol
+from handscope.app.report.changes import Changes
+from handscope.app.report.self_calibration import kept_of
+from handscope.estimators.calibration import SensorQuality
+from handscope.estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.options import Description, describe
+from handscope.estimators.processing import Processed
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import FLAG_WORDS, Flag, Trajectory
+from handscope.sessions.course import Course
+from handscope.sessions.recording import LoadedRecording
 
 ATTEMPTED = ("accepted", "redone", "paused", "not used")  # outcomes of an attempt that say nothing about the patient
 CURVE_POINTS = 500  # of a curve on the page: finer than the print

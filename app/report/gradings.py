@@ -6,10 +6,10 @@ Source  estimators/measures/total_active_motion.py; a share is of the other hand
 from collections.abc import Sequence
 from dataclasses import replace
 
-from app.report.content import Content, Task
-from estimators.hand_anatomy import FINGERS
-from estimators.measures.total_active_motion import GRADINGS, regraded
-from sessions.course import Course
+from handscope.app.report.content import Content, Task
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.measures.total_active_motion import GRADINGS, regraded
+from handscope.sessions.course import Course
 
 MEASURE = "total_active_motion"
 DEFAULT = next(iter(GRADINGS))

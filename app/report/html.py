@@ -9,9 +9,9 @@ from typing import Final
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from app.language import Language
-from app.report.content import Content
-from app.report.page import words_of
+from handscope.app.language import Language
+from handscope.app.report.content import Content
+from handscope.app.report.page import words_of
 
 LAYOUT = Path(__file__).with_name("report.html.j2")
 PROLOGUE: Final = re.compile(r"^.*?(?=<svg)", re.DOTALL)

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from app.report import content
-from app.report.content import Content
-from estimators.calibration import SensorQuality
-from estimators.measures import cycles, shown
-from estimators.measures.assessment import TaskResult
-from estimators.measures.figure import Figure
-from estimators.measures.range_of_motion import Range
-from estimators.measures.tapping import Tapping
-from estimators.options import Description
+from handscope.app.report import content
+from handscope.app.report.content import Content
+from handscope.estimators.calibration import SensorQuality
+from handscope.estimators.measures import cycles, shown
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.options import Description
 
 TREE = "tree"
 KEPT: Mapping[str, type] = {

@@ -7,10 +7,10 @@ from babel.numbers import get_decimal_symbol
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.language import Language
-from app.report.plots import ACCENT, GREY, HAIR, INK, axes_at, drawing, named, svg_of
-from app.report.shown_panels import DOTS, Line, Panel
-from estimators.quaternions import Array
+from handscope.app.language import Language
+from handscope.app.report.plots import ACCENT, GREY, HAIR, INK, axes_at, drawing, named, svg_of
+from handscope.app.report.shown_panels import DOTS, Line, Panel
+from handscope.estimators.quaternions import Array
 
 WIDTH, HEIGHT = 165.0, 84.0  # pt of a panel
 LEFT, BOTTOM, TOP = 24.0, 21.0, 12.0  # pt for the numbers beside and below, and the words above

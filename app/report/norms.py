@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from app.report.references import FILE, Source
+from handscope.app.report.references import FILE, Source
 
 
 @dataclass(frozen=True)

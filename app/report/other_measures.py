@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report.advice import advice
-from app.report.content import Task
-from app.report.norms import norm_of
-from app.report.range_rows import GRADES
-from app.report.shown_panels import Panel, panels
-from app.report.units import decimals, decimals_of_sd, reading, unit_words
-from app.report.words import grade_words, named, span_words
-from estimators.measures.figure import Figure
+from handscope.app.language import Language
+from handscope.app.report.advice import advice
+from handscope.app.report.content import Task
+from handscope.app.report.norms import norm_of
+from handscope.app.report.range_rows import GRADES
+from handscope.app.report.shown_panels import Panel, panels
+from handscope.app.report.units import decimals, decimals_of_sd, reading, unit_words
+from handscope.app.report.words import grade_words, named, span_words
+from handscope.estimators.measures.figure import Figure
 
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one

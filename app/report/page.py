@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
-from app.report.measure_plots import drawn
-from app.report.other_measures import other_measures
-from app.report.range_rows import asks_full_range, by_task
-from app.report.range_section import range_section
-from app.report.self_calibration import section as self_calibration_section
-from app.report.summary import outcome_words, summary
-from app.report.tables import data_checksum
-from app.report.tapping_section import TRIALS, tapping_section
-from app.report.trend_section import trend_section
-from app.report.units import DEG, unit_words
-from estimators.calibration import SensorQuality
-from estimators.samples import FORCE
+from handscope.app.language import Language
+from handscope.app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
+from handscope.app.report.measure_plots import drawn
+from handscope.app.report.other_measures import other_measures
+from handscope.app.report.range_rows import asks_full_range, by_task
+from handscope.app.report.range_section import range_section
+from handscope.app.report.self_calibration import section as self_calibration_section
+from handscope.app.report.summary import outcome_words, summary
+from handscope.app.report.tables import data_checksum
+from handscope.app.report.tapping_section import TRIALS, tapping_section
+from handscope.app.report.trend_section import trend_section
+from handscope.app.report.units import DEG, unit_words
+from handscope.estimators.calibration import SensorQuality
+from handscope.estimators.samples import FORCE
 
 Page = dict[str, Any]
 

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import typst
 
-from app.language import Language
-from app.report.content import Content
-from app.report.page import words_of
+from handscope.app.language import Language
+from handscope.app.report.content import Content
+from handscope.app.report.page import words_of
 
 LAYOUT = Path(__file__).with_name("report.typ")
 STANDARDS: Final = ("a-2a", "ua-1")

@@ -17,15 +17,15 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from app.language import Language
-from app.report.content import Curve
-from app.report.range_rows import RangeRow
-from app.report.references import Reference
-from app.report.units import DEG
-from estimators.hand_anatomy import FINGER_JOINTS, FINGERS
-from estimators.measures.range_of_motion import Range
-from estimators.measures.tapping import Tapping
-from estimators.quaternions import Array
+from handscope.app.language import Language
+from handscope.app.report.content import Curve
+from handscope.app.report.range_rows import RangeRow
+from handscope.app.report.references import Reference
+from handscope.app.report.units import DEG
+from handscope.estimators.hand_anatomy import FINGER_JOINTS, FINGERS
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.quaternions import Array
 
 ROW, GROUP_GAP, HEAD = 10.4, 3.0, 22.0  # pt: a row, the extra space before a group, the heading above the rows
 INK, GREY, HAIR, ACCENT = "#1a1a1a", "#6b6b6b", "#c9c9c9", "#2f5d6e"

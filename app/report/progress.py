@@ -10,12 +10,12 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Literal
 
-from app.protocols import Protocol
-from app.report.changes import Judge, judged_by, read_as
-from app.report.content import asked
-from app.report.references import Reference, references
-from estimators.hand_anatomy import ANGLES, HANDS, Hand
-from sessions.repeatability import Key, Occasion, Visited
+from handscope.app.protocols import Protocol
+from handscope.app.report.changes import Judge, judged_by, read_as
+from handscope.app.report.content import asked
+from handscope.app.report.references import Reference, references
+from handscope.estimators.hand_anatomy import ANGLES, HANDS, Hand
+from handscope.sessions.repeatability import Key, Occasion, Visited
 
 ENDS: Mapping[str, Literal["largest", "smallest"]] = {"max": "largest", "min": "smallest"}
 Way = tuple[str, str]  # method and options

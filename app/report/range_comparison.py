@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from app.language import Language
-from app.report.content import Content, Task
-from app.report.range_rows import RangeRow, over_tasks
-from app.report.references import Reference, references
-from app.report.units import DEG
-from estimators.measures.range_of_motion import Range
-from sessions.repeatability import Values
+from handscope.app.language import Language
+from handscope.app.report.content import Content, Task
+from handscope.app.report.range_rows import RangeRow, over_tasks
+from handscope.app.report.references import Reference, references
+from handscope.app.report.units import DEG
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.sessions.repeatability import Values
 
 End = Literal["smallest", "largest"]
 WORD: dict[End, str] = {"largest": "max", "smallest": "min"}  # in the names of figures

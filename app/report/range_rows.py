@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.language import Language
-from app.report.content import Task
-from app.report.words import ROTATION, SIDES, both_ways, extension_words, flexion_words, joint_words
-from estimators.hand_anatomy import ANGLES, JOINTS
-from estimators.measures.figure import Grade
-from estimators.measures.range_of_motion import Range
+from handscope.app.language import Language
+from handscope.app.report.content import Task
+from handscope.app.report.words import ROTATION, SIDES, both_ways, extension_words, flexion_words, joint_words
+from handscope.estimators.hand_anatomy import ANGLES, JOINTS
+from handscope.estimators.measures.figure import Grade
+from handscope.estimators.measures.range_of_motion import Range
 
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 

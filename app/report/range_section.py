@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report import plots
-from app.report.change_words import range_changes, row_ends
-from app.report.content import Content, Curve, Task
-from app.report.range_comparison import flexion_with_sd, other_hand, reference_of
-from app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
-from app.report.references import Reference, references, smallest_change
-from app.report.units import DEG
-from app.report.words import extension_words, flexion_words, grade_words, span_words
-from estimators.hand_anatomy import FINGERS, JOINTS
-from estimators.measures import range_of_motion
-from estimators.measures.range_of_motion import Range
+from handscope.app.language import Language
+from handscope.app.report import plots
+from handscope.app.report.change_words import range_changes, row_ends
+from handscope.app.report.content import Content, Curve, Task
+from handscope.app.report.range_comparison import flexion_with_sd, other_hand, reference_of
+from handscope.app.report.range_rows import RangeRow, asks_full_range, over_tasks, range_rows
+from handscope.app.report.references import Reference, references, smallest_change
+from handscope.app.report.units import DEG
+from handscope.app.report.words import extension_words, flexion_words, grade_words, span_words
+from handscope.estimators.hand_anatomy import FINGERS, JOINTS
+from handscope.estimators.measures import range_of_motion
+from handscope.estimators.measures.range_of_motion import Range
 
 CHART_WIDTH, CURVES = 510.0, (510.0, 64.0)  # pt
 COLUMNS = {"flexion": ("value", "other", "reference", "change"), "extension": ("value", "other", "change"), "sideways": ("value",)}

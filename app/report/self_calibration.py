@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report.units import DEG, decimals, decimals_of_sd
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import SEGMENTS
-from estimators.processing import Processed
-from sessions.derivative import calibration_table
-from sessions.self_calibrations import ALL, Found
-from sessions.tables import SelfCalibration
+from handscope.app.language import Language
+from handscope.app.report.units import DEG, decimals, decimals_of_sd
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.processing import Processed
+from handscope.sessions.derivative import calibration_table
+from handscope.sessions.self_calibrations import ALL, Found
+from handscope.sessions.tables import SelfCalibration
 
 PARTS = {  # columns of the tables
     "lengths": ("segment", "length", "source"),

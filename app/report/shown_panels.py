@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report.units import READABLE, unit_words
-from estimators.hand_anatomy import FINGERS
-from estimators.measures.shown import Curve, Shown, thinned
-from estimators.quaternions import Array
+from handscope.app.language import Language
+from handscope.app.report.units import READABLE, unit_words
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.measures.shown import Curve, Shown, thinned
+from handscope.estimators.quaternions import Array
 
 POINTS = 600  # of a panel's curve at most: finer than a page
 PANELS: Mapping[str, tuple[str, ...]] = {  # by name, the curves in it

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.language import Language
-from app.report.changes import Changes
-from app.report.content import Content, Task
-from app.report.range_comparison import Lacking, behind_other, behind_reference, other_hand
-from app.report.range_rows import GRADES, asks_full_range
-from app.report.references import smallest_change
-from app.report.units import DEG
-from app.report.words import joint_words
-from estimators.measures.figure import Figure
+from handscope.app.language import Language
+from handscope.app.report.changes import Changes
+from handscope.app.report.content import Content, Task
+from handscope.app.report.range_comparison import Lacking, behind_other, behind_reference, other_hand
+from handscope.app.report.range_rows import GRADES, asks_full_range
+from handscope.app.report.references import smallest_change
+from handscope.app.report.units import DEG
+from handscope.app.report.words import joint_words
+from handscope.estimators.measures.figure import Figure
 
 WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
 NAMED = 5  # joints or tasks at most that a sentence names

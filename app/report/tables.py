@@ -11,9 +11,9 @@ from typing import Any
 
 import orjson
 
-from app.language import ENGLISH
-from app.report.content import Content
-from app.report.units import reading
+from handscope.app.language import ENGLISH
+from handscope.app.report.content import Content
+from handscope.app.report.units import reading
 
 SIGNS = (
     "angles: flexion, ulnar deviation and pronation are positive; extension, radial deviation and supination are negative; the same on both hands",

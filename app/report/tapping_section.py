@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report import plots
-from app.report.change_words import tapping_changes
-from app.report.changes import Changes
-from app.report.content import Task
-from app.report.units import TAPPING_DECIMALS, reading, unit_words
-from app.report.words import figure_words, grade_words, span_words
-from estimators.measures.figure import Figure
-from estimators.measures.tapping import Tapping
+from handscope.app.language import Language
+from handscope.app.report import plots
+from handscope.app.report.change_words import tapping_changes
+from handscope.app.report.changes import Changes
+from handscope.app.report.content import Task
+from handscope.app.report.units import TAPPING_DECIMALS, reading, unit_words
+from handscope.app.report.words import figure_words, grade_words, span_words
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.tapping import Tapping
 
 TRIALS = 4  # columns of a table
 CHART = (290.0, 150.0)  # pt

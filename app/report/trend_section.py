@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from app.language import Language
-from app.report import plots
-from app.report.change_words import amount
-from app.report.content import Content
-from app.report.units import DEG, reading
-from app.report.words import extension_words, figure_words, flexion_words
-from estimators.measures.figure import Figure
-from sessions.repeatability import Key, Values
+from handscope.app.language import Language
+from handscope.app.report import plots
+from handscope.app.report.change_words import amount
+from handscope.app.report.content import Content
+from handscope.app.report.units import DEG, reading
+from handscope.app.report.words import extension_words, figure_words, flexion_words
+from handscope.estimators.measures.figure import Figure
+from handscope.sessions.repeatability import Key, Values
 
 LEAST = 3  # sessions before there is a course to look at; a change between two stands with the figures
 SHOWN = 8

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.language import Language
-from estimators.measures.figure import Figure
+from handscope.app.language import Language
+from handscope.estimators.measures.figure import Figure
 
 DEG = 57.29577951308232  # of a rad
 READABLE = {

@@ -6,11 +6,11 @@ abduction (within it) and rotation; the wrist as flexion, extension, radial and 
 
 from collections.abc import Sequence
 
-from app.language import Language
-from app.report.content import Task
-from app.report.units import DEG
-from estimators.hand_anatomy import JOINT, JOINTS
-from estimators.measures.figure import Figure
+from handscope.app.language import Language
+from handscope.app.report.content import Task
+from handscope.app.report.units import DEG
+from handscope.estimators.hand_anatomy import JOINT, JOINTS
+from handscope.estimators.measures.figure import Figure
 
 SIDES = {  # keys of the words of the negative and the positive deviation
     "wrist": ("radial", "ulnar"),

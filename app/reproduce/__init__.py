@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
-from app.reproduce.finding import Finding
+from handscope.app.reproduce.finding import Finding
 
 REPRODUCTIONS = {
     "table6": "fingertip against the truth, one finger moving, homogeneous field (Salchow-Hoemmen 2019, Table 6)",
@@ -57,7 +57,7 @@ class Reproduction(Protocol):
 
 def reproduction(name: str) -> Reproduction:
     """The module of that name; imported when it is asked for."""
-    found: Reproduction = import_module(f"app.reproduce.{name.replace('-', '_')}")  # type: ignore[assignment]
+    found: Reproduction = import_module(f"handscope.app.reproduce.{name.replace('-', '_')}")  # type: ignore[assignment]
     return found
 
 

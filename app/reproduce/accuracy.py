@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FINGERS, JOINT
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FINGERS, JOINT
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from vqf import VQF
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.accuracy import OrientationError, orientation_error, rms
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
-from estimators import sensor_fusion
-from estimators.errors import InputError
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream
-from estimators.sensor_fusion import FusionParams
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.accuracy import OrientationError, orientation_error, rms
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
+from handscope.estimators import sensor_fusion
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Stream
+from handscope.estimators.sensor_fusion import FusionParams
 
 SOURCE = "https://github.com/dlaidig/broad"
 FIELDS = ("imu_gyr", "imu_acc", "imu_mag", "opt_quat", "movement", "sampling_rate")

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
-from app.report.units import DEG
-from app.reproduce import Wanted
-from app.reproduce.accuracy import angle_errors, rms, tip_rmse
-from app.reproduce.experiments import POSE_ERROR, Trial, estimated, performed, simulated_setting
-from app.reproduce.figures import Bar, bars
-from app.reproduce.finding import Finding, Row, Spread, Table, spread
-from estimators.hand_anatomy import FINGER_JOINTS
-from estimators.simulation.experiments import TABLE6
-from estimators.simulation.sensors import SensorErrors
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.accuracy import angle_errors, rms, tip_rmse
+from handscope.app.reproduce.experiments import POSE_ERROR, Trial, estimated, performed, simulated_setting
+from handscope.app.reproduce.figures import Bar, bars
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, spread
+from handscope.estimators.hand_anatomy import FINGER_JOINTS
+from handscope.estimators.simulation.experiments import TABLE6
+from handscope.estimators.simulation.sensors import SensorErrors
 
 EXPERIMENTS = ("AF-F1", "AF-F2", "AF-F3")
 CM = 100.0

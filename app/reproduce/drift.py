@@ -10,23 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted
-from app.reproduce.experiments import RATE
-from app.reproduce.figures import Line, lines
-from app.reproduce.finding import Finding, Row, Spread, Table, spread
-from estimators import trajectory
-from estimators.hand_anatomy import IS_DOF, SEGMENTS
-from estimators.methods import m2
-from estimators.processing import calibrate
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.simulation import guided, kinematics, sensors, tasks
-from estimators.simulation.person import Person, drawn
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors, SensorSet
-from estimators.simulation.tasks import Performance
-from estimators.trajectory import Trajectory
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.experiments import RATE
+from handscope.app.reproduce.figures import Line, lines
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, spread
+from handscope.estimators import trajectory
+from handscope.estimators.hand_anatomy import IS_DOF, SEGMENTS
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import calibrate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.simulation import guided, kinematics, sensors, tasks
+from handscope.estimators.simulation.person import Person, drawn
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.trajectory import Trajectory
 
 SEEDS = 8  # at most: an hour takes minutes to compute
 PIECE, PAUSE = 40.0, 10.0  # s of free movement, and of rest between two of them

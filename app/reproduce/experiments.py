@@ -10,22 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.reproduce.finding import Sizes
-from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES
-from estimators.hand_geometry import HandGeometry
-from estimators.methods import METHODS
-from estimators.options import describe
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.simulation import experiments
-from estimators.simulation.experiments import Experiment, judged, recorded
-from estimators.simulation.magnetic_field import homogeneous, office
-from estimators.simulation.person import Anatomy
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
-from estimators.simulation.tasks import Performance
-from estimators.trajectory import Trajectory
+from handscope.app.reproduce.finding import Sizes
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.methods import METHODS
+from handscope.estimators.options import describe
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import Experiment, judged, recorded
+from handscope.estimators.simulation.magnetic_field import homogeneous, office
+from handscope.estimators.simulation.person import Anatomy
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.trajectory import Trajectory
 
 Rows = NDArray[np.intp]
 POSE_ERROR = 2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from app.report.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
-from estimators.quaternions import Array
+from handscope.app.report.plots import ACCENT, FILL, GREY, HAIR, INK, LINES, SETTINGS
+from handscope.estimators.quaternions import Array
 
 WIDTH, PANEL, ROW = 7.2, 2.4, 0.28  # inches: a figure, a panel of lines, a row of bars
 KEY = "Standard deviation, in brackets the RMS error over the trials. The shade is the standard deviation's: dark a tenth of what is good enough or less, white ten times it or more"

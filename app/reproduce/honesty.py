@@ -6,16 +6,16 @@ from itertools import product
 
 import numpy as np
 
-from app.reproduce import Wanted
-from app.reproduce.experiments import Trial, at_the_truths_instants, performed, simulated_setting
-from app.reproduce.finding import Finding, Row, Spread, Table, spread
-from estimators.hand_anatomy import IS_DOF
-from estimators.methods import ekf
-from estimators.options import describe
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.simulation import giving
-from estimators.simulation.sensors import SensorErrors
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.experiments import Trial, at_the_truths_instants, performed, simulated_setting
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, spread
+from handscope.estimators.hand_anatomy import IS_DOF
+from handscope.estimators.methods import ekf
+from handscope.estimators.options import describe
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import giving
+from handscope.estimators.simulation.sensors import SensorErrors
 
 EXPERIMENTS = ("AF-F2", "tapping", "free")
 NOISE = SensorErrors().gyr_noise

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.reproduce import Wanted
-from app.reproduce.finding import Finding, Row, Table, Verdict, spread
-from app.reproduce.outside.free_movement import CHAINS, DEG, Setup, Truth, written
-from estimators.calibration import Calibration
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT
-from estimators.methods import map as method
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
-from sessions import formats
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.finding import Finding, Row, Table, Verdict, spread
+from handscope.app.reproduce.outside.free_movement import CHAINS, DEG, Setup, Truth, written
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS, IS_DOF, JOINT
+from handscope.estimators.methods import map as method
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions import formats
 
 MOST = 3  # people of a condition
 HAND = "whole right hand"

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from app.reproduce import Wanted
-from app.reproduce.finding import Finding, Row, Spread, Table, spread
-from app.reproduce.outside import board as boards
-from app.reproduce.outside.board import EARTH, Board, Chips, dipole
-from app.reproduce.outside.hand import Values
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, spread
+from handscope.app.reproduce.outside import board as boards
+from handscope.app.reproduce.outside.board import EARTH, Board, Chips, dipole
+from handscope.app.reproduce.outside.hand import Values
 
 SECONDS, RATE = 3.0, 40.0
 TURNED = 20.0, 40.0  # s, Hz
@@ -209,7 +209,7 @@ def _path(condition: Condition, t: Values, rng: np.random.Generator) -> tuple[Va
 
 def _refused(*words: str) -> bool:
     """Run a command of the program."""
-    from app import cli
+    from handscope.app import cli
 
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         code = cli.main(list(words))

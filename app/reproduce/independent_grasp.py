@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from app.reproduce import Wanted
-from app.reproduce.finding import Finding, Row, Spread, Table, spread
-from app.reproduce.outside import force_sensors, recording_files
-from app.reproduce.outside.force_sensors import Cuffs
-from app.reproduce.outside.hand import measured
-from app.reproduce.outside.pinch import Held, pinched
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, spread
+from handscope.app.reproduce.outside import force_sensors, recording_files
+from handscope.app.reproduce.outside.force_sensors import Cuffs
+from handscope.app.reproduce.outside.hand import measured
+from handscope.app.reproduce.outside.pinch import Held, pinched
 
 MASSES, STIFFNESSES, DAMPINGS = (
     (0.1, 1.0),
@@ -158,7 +158,7 @@ def _drawn(held: Held, task: str, rng: np.random.Generator) -> Held:
 
 def _run(*words: str) -> None:
     """A command of the program."""
-    from app import cli
+    from handscope.app import cli
 
     with redirect_stdout(StringIO()):
         code = cli.main(list(words))

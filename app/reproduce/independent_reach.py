@@ -15,22 +15,22 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 from scipy.spatial.transform import Rotation
 
-from app.reproduce import Wanted
-from app.reproduce.finding import Finding, Row, Table, Verdict, spread
-from app.reproduce.outside import reaching as world
-from app.reproduce.outside.motion_files import axes, write_system
-from app.reproduce.outside.reaching import Motion, Room, Worn
-from estimators import hand_place, magnetometer_plate
-from estimators.hand_place import PlaceParams
-from estimators.measures import reach
-from estimators.measures.asked import Asked, Mark
-from estimators.methods import METHODS
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.samples import MAG
-from estimators.trajectory import PlaceFlag, Trajectory
-from sessions import formats
-from sessions.recording import LoadedRecording
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.finding import Finding, Row, Table, Verdict, spread
+from handscope.app.reproduce.outside import reaching as world
+from handscope.app.reproduce.outside.motion_files import axes, write_system
+from handscope.app.reproduce.outside.reaching import Motion, Room, Worn
+from handscope.estimators import hand_place, magnetometer_plate
+from handscope.estimators.hand_place import PlaceParams
+from handscope.estimators.measures import reach
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG
+from handscope.estimators.trajectory import PlaceFlag, Trajectory
+from handscope.sessions import formats
+from handscope.sessions.recording import LoadedRecording
 
 MM, DEG = 1e3, 180 / np.pi
 FIRST = 10.0  # s that are left out: the hand begins to move after five

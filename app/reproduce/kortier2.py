@@ -6,25 +6,25 @@ from itertools import product
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.accuracy import distance_rmse, rms
-from app.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread, standing
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.hand_anatomy import FINGERS, FLEXION, JOINT, SEGMENTS
-from estimators.measures.repeatability import held_angles
-from estimators.measures.repeatability import spread as repeated
-from estimators.methods import METHODS
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.samples import GYR
-from estimators.simulation.experiments import EXPERIMENTS, KORTIER2, recorded
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import LSM330DLC_HMC5983
-from estimators.trajectory import Trajectory
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.accuracy import distance_rmse, rms
+from handscope.app.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread, standing
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.fingertips import FINGERTIPS, contact_points_of
+from handscope.estimators.hand_anatomy import FINGERS, FLEXION, JOINT, SEGMENTS
+from handscope.estimators.measures.repeatability import held_angles
+from handscope.estimators.measures.repeatability import spread as repeated
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import GYR
+from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, recorded
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
+from handscope.estimators.trajectory import Trajectory
 
 MM = 1e3  # in a m
 RATE = 200.0  # Hz, of the gyroscopes

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.experiments import Trial
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
-from estimators.hand_anatomy import SEGMENTS
-from estimators.measures.comparison import TIPS, Agreement, agreements, gyroscope_consistency, paired
-from estimators.methods import METHODS
-from estimators.processing import process
-from estimators.simulation import functional, tasks
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import LSM330DLC_HMC5983
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.experiments import Trial
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.measures.comparison import TIPS, Agreement, agreements, gyroscope_consistency, paired
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
 
 RATE = 100.0  # Hz, as the study's
 MM = 1e3  # in a m

@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.finding import Finding, Row, Table, Verdict, spread
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import SEGMENT, side_sign
-from estimators.quaternions import Array
-from estimators.self_calibration import first_guess, normal_equations, posterior, recordings, residuals, segments, solver
-from estimators.self_calibration.problem import Noise, Z, chain, columns, mounted, posed, resized
-from estimators.self_calibration.segments import Segments
-from estimators.self_calibration.solver import Solution
-from estimators.simulation import artificial_finger
-from estimators.simulation.artificial_finger import DISTANCES, HINGES, SEGMENTS
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.finding import Finding, Row, Table, Verdict, spread
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import SEGMENT, side_sign
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import first_guess, normal_equations, posterior, recordings, residuals, segments, solver
+from handscope.estimators.self_calibration.problem import Noise, Z, chain, columns, mounted, posed, resized
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.artificial_finger import DISTANCES, HINGES, SEGMENTS
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
 DURATION, TRIALS = 40.0, 15
 HINGED = chain(SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))

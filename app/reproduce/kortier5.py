@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
-from estimators import magnet_setup, magnet_smoothing, magnet_tracking, magnetometer_sphere
-from estimators import quaternions as quat
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_start import Setup
-from estimators.magnet_tracking import Readings, Track
-from estimators.quaternions import Array
-from estimators.simulation import magnet
-from estimators.simulation.magnet import ARRAY_ERRORS, Motion
-from estimators.simulation.magnetic_field import EARTH, MagneticField, office
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
+from handscope.estimators import magnet_setup, magnet_smoothing, magnet_tracking, magnetometer_sphere
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_tracking import Readings, Track
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import magnet
+from handscope.estimators.simulation.magnet import ARRAY_ERRORS, Motion
+from handscope.estimators.simulation.magnetic_field import EARTH, MagneticField, office
 
 MM = 1e3
 SPOT = np.array([0.0, -0.35, 0.9])  # m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.reproduce import Wanted, published
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
-from estimators.measures import lift, squeeze
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.simulation import functional, held_object, kinematics, person, tasks
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.scenario import ForceGlove, Simulated, performed
-from estimators.simulation.sensors import PRESETS
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
+from handscope.estimators.measures import lift, squeeze
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import functional, held_object, kinematics, person, tasks
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.sensors import PRESETS
 
 RATES = {"12 Hz": 12.0, "100 Hz": 100.0}
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed

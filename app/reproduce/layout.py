@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
-from app.reproduce.finding import Finding, Row, Sizes, Spread, Table, at_or_below
+from handscope.app.reproduce.finding import Finding, Row, Sizes, Spread, Table, at_or_below
 
 WIDTH = 140
 

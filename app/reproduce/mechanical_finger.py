@@ -6,15 +6,15 @@ from itertools import product
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted
-from app.reproduce.experiments import Trial, estimated, performed, simulated_setting
-from app.reproduce.figures import Line, lines
-from app.reproduce.finding import Finding, Row, Table, spread
-from estimators.hand_anatomy import FINGER_JOINTS, FLEXION, JOINT
-from estimators.quaternions import Array
-from estimators.simulation.sensors import SensorErrors
-from estimators.trajectory import Trajectory
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.experiments import Trial, estimated, performed, simulated_setting
+from handscope.app.reproduce.figures import Line, lines
+from handscope.app.reproduce.finding import Finding, Row, Table, spread
+from handscope.estimators.hand_anatomy import FINGER_JOINTS, FLEXION, JOINT
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.trajectory import Trajectory
 
 RIGID = SensorErrors(skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0)  # no skin; full scales of the paper
 ALIGNED = SensorErrors(skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0, misalignment=0.0, misalignment_width=0.0)

@@ -9,24 +9,24 @@ from itertools import product
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted
-from app.reproduce.figures import Cells, cells
-from app.reproduce.finding import Finding, Row, Table, spread
-from app.reproduce.kortier4 import CONDITIONS, HINGED, MM
-from estimators import quaternions as quat
-from estimators.hand_anatomy import side_sign
-from estimators.hand_geometry import HandGeometry
-from estimators.self_calibration import first_guess, recordings, segments, solver
-from estimators.self_calibration.problem import Chain, Noise, Z, chain, columns, mounted, posed
-from estimators.self_calibration.solver import Solution
-from estimators.simulation import artificial_finger
-from estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
-from estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import SensorSet
-from estimators.simulation.tasks import Performance
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.figures import Cells, cells
+from handscope.app.reproduce.finding import Finding, Row, Table, spread
+from handscope.app.reproduce.kortier4 import CONDITIONS, HINGED, MM
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import side_sign
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.self_calibration import first_guess, recordings, segments, solver
+from handscope.estimators.self_calibration.problem import Chain, Noise, Z, chain, columns, mounted, posed
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.artificial_finger import RESTING, SEGMENTS, wandering
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import SensorSet
+from handscope.estimators.simulation.tasks import Performance
 
 DURATION, STEP, MOST = 20.0, 0.12, 5  # s; s between the knots of a movement; trials of one kind
 JOINTS = ("index_mcp", "index_pip", "index_dip")

@@ -8,13 +8,13 @@ from itertools import product
 
 import numpy as np
 
-from app.reproduce import Wanted
-from app.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants, calibrating, chosen, simulated_setting
-from app.reproduce.finding import Finding, Row, Table, spread
-from app.reproduce.table6 import errors_of
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.simulation.experiments import TABLE6
+from handscope.app.reproduce import Wanted
+from handscope.app.reproduce.experiments import POSE_ERROR, Trial, at_the_truths_instants, calibrating, chosen, simulated_setting
+from handscope.app.reproduce.finding import Finding, Row, Table, spread
+from handscope.app.reproduce.table6 import errors_of
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.simulation.experiments import TABLE6
 
 VARIANTS = {
     "pose alone": m2.Params(functional=False),

@@ -5,14 +5,14 @@ from itertools import product
 
 import numpy as np
 
-from app.report.units import DEG
-from app.reproduce import Wanted, published
-from app.reproduce.accuracy import angle_errors, rms, tip_rmse
-from app.reproduce.experiments import VARIANTS, Trial, chosen, estimated, performed, simulated_setting
-from app.reproduce.finding import Finding, Row, Table, Verdict, spread, standing
-from estimators.hand_anatomy import FINGER_JOINTS, JOINT
-from estimators.simulation.experiments import TABLE6
-from estimators.trajectory import Trajectory
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.accuracy import angle_errors, rms, tip_rmse
+from handscope.app.reproduce.experiments import VARIANTS, Trial, chosen, estimated, performed, simulated_setting
+from handscope.app.reproduce.finding import Finding, Row, Table, Verdict, spread, standing
+from handscope.estimators.hand_anatomy import FINGER_JOINTS, JOINT
+from handscope.estimators.simulation.experiments import TABLE6
+from handscope.estimators.trajectory import Trajectory
 
 TIP_TARGET, ANGLE_TARGET = 0.8, 2.6  # cm, deg on average over the table
 CM = 100.0

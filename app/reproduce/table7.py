@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from itertools import product
 
-from app.reproduce import Wanted, published
-from app.reproduce.accuracy import distance_rmse
-from app.reproduce.experiments import VARIANTS, Trial, chosen, estimated, in_either_field, simulated_setting
-from app.reproduce.finding import Finding, Row, Table, spread, standing
-from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.simulation.experiments import TABLE7
+from handscope.app.reproduce import Wanted, published
+from handscope.app.reproduce.accuracy import distance_rmse
+from handscope.app.reproduce.experiments import VARIANTS, Trial, chosen, estimated, in_either_field, simulated_setting
+from handscope.app.reproduce.finding import Finding, Row, Table, spread, standing
+from handscope.estimators.fingertips import FINGERTIPS, contact_points_of
+from handscope.estimators.simulation.experiments import TABLE7
 
 CM = 100.0
 PAPER = "Salchow-Hoemmen 2019, Table 7, average of four subjects"

@@ -6,8 +6,8 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from app.reproduce import reproduction
-from app.working_process import CONTEXT, heed_the_terminal
+from handscope.app.reproduce import reproduction
+from handscope.app.working_process import CONTEXT, heed_the_terminal
 
 
 def measured(name: str, trials: Sequence[Any], jobs: int, hear: Callable[[float], None]) -> list[tuple[Any, Any]]:

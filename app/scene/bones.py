@@ -7,12 +7,12 @@ Source  the half-way bone: Mohr & Gleicher 2003, ACM Trans Graphics 22:562 (join
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.forward_kinematics import CHAIN_JOINTS
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, JOINTS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.forward_kinematics import CHAIN_JOINTS
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, JOINT, JOINTS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 BONES = (
     "hand",

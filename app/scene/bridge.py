@@ -18,8 +18,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin, Subprotocol
 
-from app.scene import packed_program
-from app.scene.guarded_server import HOST
+from handscope.app.scene import packed_program
+from handscope.app.scene.guarded_server import HOST
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 LARGEST_FROM_BROWSER = 1 << 20  # bytes: the camera and clicks take some hundred

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.scene.skinned_mesh import Indices
-from estimators.quaternions import Array
+from handscope.app.scene.skinned_mesh import Indices
+from handscope.estimators.quaternions import Array
 
 
 def closed_tube(rings: Array, start: Array, stop: Array) -> tuple[Array, Indices]:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.scene.closed_surfaces import closed_tube
-from app.scene.palm_shape import FOREARM, PalmShape
-from app.scene.skinned_mesh import SkinnedMesh
+from handscope.app.scene.closed_surfaces import closed_tube
+from handscope.app.scene.palm_shape import FOREARM, PalmShape
+from handscope.app.scene.skinned_mesh import SkinnedMesh
 
 _AROUND = 48
 _WIDTH, _THICK = 0.24, 0.022  # of hand breadth

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from viser import MeshSkinnedHandle, ViserServer
 from viser import _messages as wire
 
-from app.scene import palette
-from app.scene.bones import BONE
-from app.scene.palette import Paint
-from app.scene.skinned_mesh import SkinnedMesh
-from estimators.hand_anatomy import FINGERS
-from estimators.quaternions import IDENTITY, Array
+from handscope.app.scene import palette
+from handscope.app.scene.bones import BONE
+from handscope.app.scene.palette import Paint
+from handscope.app.scene.skinned_mesh import SkinnedMesh
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.quaternions import IDENTITY, Array
 
 # A bone that turned or moved less than this since it was sent is not sent again: a fiftieth of a millimetre at the tip of a finger, where a pixel is
 # some tenths; sensors that lie still tell as much

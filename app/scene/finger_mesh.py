@@ -6,12 +6,12 @@ Out     a closed mesh in the straight finger's coordinates (dorsal, distal, ulna
 
 import numpy as np
 
-from app.scene.closed_surfaces import closed_tube
-from app.scene.finger_shape import FingerShape
-from app.scene.joint_blend import hinge, through
-from app.scene.skinned_mesh import Indices
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS
-from estimators.quaternions import Array
+from handscope.app.scene.closed_surfaces import closed_tube
+from handscope.app.scene.finger_shape import FingerShape
+from handscope.app.scene.joint_blend import hinge, through
+from handscope.app.scene.skinned_mesh import Indices
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS
+from handscope.estimators.quaternions import Array
 
 AROUND = 24  # vertices in a ring
 LEAVES_PALM = {"thumb": 0.80, "index": 0.56, "middle": 0.56, "ring": 0.59, "little": 0.62}  # of the first segment

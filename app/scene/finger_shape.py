@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from estimators.hand_anatomy import CHAINS
-from estimators.hand_geometry import MCP_ULNAR, HandGeometry
-from estimators.quaternions import Array
+from handscope.estimators.hand_anatomy import CHAINS
+from handscope.estimators.hand_geometry import MCP_ULNAR, HandGeometry
+from handscope.estimators.quaternions import Array
 
 HALF_BREADTH = {"thumb": 0.130, "index": 0.116, "middle": 0.119, "ring": 0.112, "little": 0.099}  # of hand breadth, at PIP; thumb at IP
 SQUARENESS = 2.25  # exponent of the superellipse of a section: 2 is an ellipse

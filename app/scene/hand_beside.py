@@ -5,13 +5,13 @@ from collections.abc import Iterable
 import numpy as np
 from viser import ViserServer
 
-from app.scene import bones, postures, view
-from app.scene.drawn_hand import DrawnHand
-from app.scene.hand_mesh import hand_mesh
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FINGERS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.app.scene import bones, postures, view
+from handscope.app.scene.drawn_hand import DrawnHand
+from handscope.app.scene.hand_mesh import hand_mesh
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 BESIDE = 1.0  # scene units from the middle to either wrist
 

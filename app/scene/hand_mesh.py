@@ -6,15 +6,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from app.scene import bones, finger_mesh
-from app.scene.cuff_mesh import cuff
-from app.scene.nail_mesh import nail
-from app.scene.palm_mesh import palm
-from app.scene.palm_shape import Root, palm_shape
-from app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated, merged, mirrored
-from estimators.hand_anatomy import CHAINS, FINGERS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.app.scene import bones, finger_mesh
+from handscope.app.scene.cuff_mesh import cuff
+from handscope.app.scene.nail_mesh import nail
+from handscope.app.scene.palm_mesh import palm
+from handscope.app.scene.palm_shape import Root, palm_shape
+from handscope.app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated, merged, mirrored
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 _GHOST_OVER = 0.8e-3  # m, the ghost lies this far over the hand, so that the two do not flicker where they agree
 _FIRST_JOINT = 6e-3  # m, where a finger drawn from its first joint begins

@@ -1,8 +1,8 @@
 """The skin of one segment alone, a little raised: laid over the hand in another colour it shows which segment is meant."""
 
-from app.scene.hand_mesh import HandMesh
-from app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated
-from estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.app.scene.hand_mesh import HandMesh
+from handscope.app.scene.skinned_mesh import SkinnedMesh, carried_by, cut_out, inflated
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
 
 _RAISED = 0.6e-3  # m
 _MINE = 0.5  # share of the skin's weights from which it counts as the segment's

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
-from app.scene.skinned_mesh import Indices
-from estimators.quaternions import Array
+from handscope.app.scene.skinned_mesh import Indices
+from handscope.estimators.quaternions import Array
 
 Field = Callable[[Array], Array]
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

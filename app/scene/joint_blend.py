@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.quaternions import Array
+from handscope.estimators.quaternions import Array
 
 
 def through(t: Array, centre: float, width: float) -> Array:

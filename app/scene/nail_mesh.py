@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from app.scene.closed_surfaces import closed_plate
-from app.scene.finger_shape import FingerShape
-from app.scene.skinned_mesh import Indices
-from estimators.quaternions import Array
+from handscope.app.scene.closed_surfaces import closed_plate
+from handscope.app.scene.finger_shape import FingerShape
+from handscope.app.scene.skinned_mesh import Indices
+from handscope.estimators.quaternions import Array
 
 _ROOT, _EDGE = 0.46, 0.985  # of the last segment, tissue included
 _HALF_ANGLE = np.radians(58.0)  # how far round the finger it reaches

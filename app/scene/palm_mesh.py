@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from app.scene import isosurface
-from app.scene.joint_blend import hinge, through
-from app.scene.palm_shape import FOREARM, PalmShape
-from app.scene.skinned_mesh import SkinnedMesh, only_bones
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS
-from estimators.quaternions import Array
+from handscope.app.scene import isosurface
+from handscope.app.scene.joint_blend import hinge, through
+from handscope.app.scene.palm_shape import FOREARM, PalmShape
+from handscope.app.scene.skinned_mesh import SkinnedMesh, only_bones
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS
+from handscope.estimators.quaternions import Array
 
 CELL = 0.030  # of hand breadth: 2.6 mm on an 85 mm hand
 _SMOOTHING = 6  # rounds of averaging neighbours' weights, about a cell each

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.scene import bones
-from app.scene.finger_mesh import leaves_palm
-from app.scene.finger_shape import SQUARENESS, FingerShape, finger_shape, hand_breadth
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FINGERS, side_sign
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.app.scene import bones
+from handscope.app.scene.finger_mesh import leaves_palm
+from handscope.app.scene.finger_shape import SQUARENESS, FingerShape, finger_shape, hand_breadth
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FINGERS, side_sign
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 FOREARM = 0.55  # of palm length: how much of the forearm is drawn
 _STUB = 6e-3  # m, the palm's surface reaches this far into a finger's mesh

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimators.hand_anatomy import JOINTS
-from estimators.quaternions import Array
-from estimators.simulation import tasks
+from handscope.estimators.hand_anatomy import JOINTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import tasks
 
 
 def angles_of(posture: Array) -> Array:

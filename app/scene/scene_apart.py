@@ -12,11 +12,11 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
-from app.scene.hand_scene import HandScene
-from app.working_process import CONTEXT, heed_the_server_alone
-from estimators.hand_anatomy import Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
+from handscope.app.scene.hand_scene import HandScene
+from handscope.app.working_process import CONTEXT, heed_the_server_alone
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
 
 log = logging.getLogger(__name__)
 AHEAD = 2  # pictures that the process may be behind before wishes wait; what is on its way then fits into any pipe

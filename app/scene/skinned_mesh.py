@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINTS
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import JOINTS
+from handscope.estimators.quaternions import Array
 
 Indices = NDArray[np.int64]
 

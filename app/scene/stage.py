@@ -2,7 +2,7 @@
 
 from viser import CameraHandle, ClientHandle, ViserServer
 
-from app.scene import palette, view
+from handscope.app.scene import palette, view
 
 
 def set_up(server: ViserServer, narrow: float) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import coo_array, csr_array
 
-from estimators.quaternions import Array
-from estimators.self_calibration import first_guess, residuals, skin, solver
-from estimators.self_calibration.problem import (
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import first_guess, residuals, skin, solver
+from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
     Readings,
@@ -25,8 +25,8 @@ from estimators.self_calibration.problem import (
     tangents,
     tilted,
 )
-from estimators.simulation import artificial_finger
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.sensors import IDEAL
 
 LINKED = chain(artificial_finger.SEGMENTS, hinges=("index_mcp", "index_pip", "index_dip"))
 

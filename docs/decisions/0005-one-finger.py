@@ -12,15 +12,15 @@ from unittest import mock
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS, FINGERS
-from estimators.hand_geometry import sized
-from estimators.methods import map as method
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event, Stream
-from estimators.self_calibration.problem import columns
-from sessions.recording import LoadedRecording
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import map as method
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.self_calibration.problem import columns
+from handscope.sessions.recording import LoadedRecording
 
 DURATION, RATE, STEP = 20.0, 100.0, 1e-3  # s, Hz; s between the places of which differences are taken
 TURN, SLIDE = np.radians(2.0) / (np.pi / 2), 1e-3 / (np.pi / 2)  # rad and m a rad, of the skin with its joint

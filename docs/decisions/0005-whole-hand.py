@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators.hand_anatomy import CHAINS
-from estimators.hand_geometry import HandGeometry, HandMeasures, sized
-from estimators.self_calibration import first_guess, hand_solver, recordings, segments, solver
-from estimators.self_calibration.problem import Noise, Z, chain, measured, mounted, posed
-from estimators.self_calibration.solver import Limits, Solution
-from estimators.simulation import free_movement
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
+from handscope.estimators.hand_anatomy import CHAINS
+from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, sized
+from handscope.estimators.self_calibration import first_guess, hand_solver, recordings, segments, solver
+from handscope.estimators.self_calibration.problem import Noise, Z, chain, measured, mounted, posed
+from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.simulation import free_movement
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
 
 DURATION = 40.0  # s
 SPREAD = 0.06  # of the lengths about those of an average hand of the person's size

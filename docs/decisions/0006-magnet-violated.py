@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.reproduce import kortier5
-from estimators import magnet_setup, magnet_tracking, magnetometer_sphere
-from estimators import quaternions as quat
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_start import Setup
-from estimators.magnet_tracking import Readings
-from estimators.simulation import magnet
-from estimators.simulation.magnetic_field import EARTH, MagneticField, office
+from handscope.app.reproduce import kortier5
+from handscope.estimators import magnet_setup, magnet_tracking, magnetometer_sphere
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_tracking import Readings
+from handscope.estimators.simulation import magnet
+from handscope.estimators.simulation.magnetic_field import EARTH, MagneticField, office
 
 FAR = 1.2  # m of the dipole that makes a gradient
 Change = Callable[[Setup, Readings, int], tuple[Setup, Readings]]

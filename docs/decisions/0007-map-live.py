@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from app.benchmarks.map_live import errors
-from app.commands.words import say
-from app.options import parse, with_options
-from app.reproduce.experiments import Trial, performed
-from estimators import trajectory
-from estimators.hand_geometry import HandGeometry
-from estimators.methods import ALL_METHODS
-from estimators.processing import calibrate, process
-from estimators.samples import Block
-from estimators.simulation.experiments import EXPERIMENTS
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated
+from handscope.app.benchmarks.map_live import errors
+from handscope.app.commands.words import say
+from handscope.app.options import parse, with_options
+from handscope.app.reproduce.experiments import Trial, performed
+from handscope.estimators import trajectory
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import calibrate, process
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.experiments import EXPERIMENTS
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import Simulated
 
 BESIDE = ("m2", "ekf", "map-live")
 SINGLE = 500  # samples that come one by one

@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.measures import lift, squeeze
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.samples import Block
-from estimators.simulation import functional, held_object, person, tasks
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.held_object import NO_MISHAP, Mishap
-from estimators.simulation.scenario import ForceGlove, Simulated, performed
-from estimators.simulation.sensors import PRESETS
+from handscope.estimators.measures import lift, squeeze
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation import functional, held_object, person, tasks
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.held_object import NO_MISHAP, Mishap
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.sensors import PRESETS
 
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed
 MASSES, STIFFNESS = (0.44, 0.28), 600.0

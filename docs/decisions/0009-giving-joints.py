@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import finger_ekf
-from estimators.hand_anatomy import IS_DOF, JOINTS
-from estimators.hand_geometry import HandGeometry
-from estimators.methods import ekf
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.simulation import experiments
-from estimators.simulation.experiments import judged, recorded
-from estimators.simulation.motion import Motion
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
-from estimators.simulation.tasks import Performance
+from handscope.estimators import finger_ekf
+from handscope.estimators.hand_anatomy import IS_DOF, JOINTS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.methods import ekf
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.motion import Motion
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.tasks import Performance
 
 PEOPLE = 4
 SURE = 1e9  # samples that a belief counts as which nothing changes

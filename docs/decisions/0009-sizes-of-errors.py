@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from app.reproduce import broad, published
-from estimators import initial_pose
-from estimators import quaternions as quat
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream
+from handscope.app.reproduce import broad, published
+from handscope.estimators import initial_pose
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Stream
 
 UP = np.array([0.0, 0.0, 1.0])
 LASTS = 3.0  # s that errors of VQF's vertical stay alike: its tauAcc

@@ -13,10 +13,10 @@ import matplotlib as mpl
 mpl.use("Agg")  # leave this line out in a notebook
 from matplotlib import pyplot as plt
 
-from estimators.methods import METHODS
-from estimators.processing import process
-from sessions import frames
-from sessions.formats import load
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.sessions import frames
+from handscope.sessions.formats import load
 
 recording = load(Path(sys.argv[1]))
 method = METHODS["m2"]

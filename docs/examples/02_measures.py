@@ -6,13 +6,13 @@ python docs/examples/02_measures.py RECORDING.zip [FIGURES.csv]
 import sys
 from pathlib import Path
 
-from app.report.norms import norm_of
-from estimators.measures.accuracy import accuracy_of
-from estimators.measures.assessment import assess
-from estimators.methods import METHODS
-from estimators.processing import process
-from sessions import frames
-from sessions.formats import load
+from handscope.app.report.norms import norm_of
+from handscope.estimators.measures.accuracy import accuracy_of
+from handscope.estimators.measures.assessment import assess
+from handscope.estimators.methods import METHODS
+from handscope.estimators.processing import process
+from handscope.sessions import frames
+from handscope.sessions.formats import load
 
 recording = load(Path(sys.argv[1]))
 processed = process(METHODS["m2"], METHODS["m2"].Params(), recording)

@@ -5,8 +5,8 @@ python docs/examples/03_tapping_from_arrays.py
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.measures import tapping
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures import tapping
 
 rng = np.random.default_rng(0)
 t = np.arange(0, 15, 1 / 60) + rng.uniform(-0.003, 0.003, 900)  # a camera's uneven frames

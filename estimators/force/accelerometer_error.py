@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, every
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, every
 
 LIKELY = 2.0  # sensors at rest that the prior counts as; ours
 WINDOW = 1.0  # s

@@ -11,8 +11,8 @@ Limits  with scales wrong by 2 % and zeros by 0.1 N each a tenth of the load car
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
 
 LEAST = 0.5  # N: who pushes less tells nothing
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.options import option
-from estimators.quaternions import Array
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ Source  Kortier, thesis (1.15): P = F'v + M'w, integrated. Of an object of mass 
 
 import numpy as np
 
-from estimators.quaternions import Array
+from handscope.estimators.quaternions import Array
 
 
 def power(forces: Array, velocities: Array, torques: Array | None = None, rates: Array | None = None) -> Array:

@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.force import accelerometer_error, balance, contact, fingertip_torques, interpolation, tip_orientation, zero
-from estimators.force.contact import ContactParams, Grasp
-from estimators.force.sensor import old, stuck
-from estimators.force.tip_orientation import TipParams, Tips
-from estimators.force.zero import Zero, ZeroParams
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
-from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.force import accelerometer_error, balance, contact, fingertip_torques, interpolation, tip_orientation, zero
+from handscope.estimators.force.contact import ContactParams, Grasp
+from handscope.estimators.force.sensor import old, stuck
+from handscope.estimators.force.tip_orientation import TipParams, Tips
+from handscope.estimators.force.zero import Zero, ZeroParams
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
+from handscope.estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 
 DEG = np.pi / 180
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.force import contact, exchange, fingertip_torques
-from estimators.force.contact import ContactParams
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.fingertips import FINGERTIPS, contact_points_of
+from handscope.estimators.force import contact, exchange, fingertip_torques
+from handscope.estimators.force.contact import ContactParams
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.force.sensor import ForceCalibration
-from estimators.quaternions import Array
-from estimators.samples import FORCE_POINTS
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import ForceCalibration
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import FORCE_POINTS
 
 
 @dataclass(frozen=True)

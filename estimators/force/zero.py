@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
-from estimators.force.contact import runs
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import every
+from handscope.estimators.force.contact import runs
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import every
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
 SURE = 3.5  # standard deviations of the size of a vector of noise

@@ -2,7 +2,7 @@
 
 from types import ModuleType
 
-from estimators.measures import (
+from handscope.estimators.measures import (
     circles,
     finger_spread,
     forearm_rotation,

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from estimators.hand_anatomy import FINGERS
-from estimators.samples import Event
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.samples import Event
 
 PAUSE = "pause"  # the phase of a stretch that is no part of the task
 

@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import MEASURES
-from estimators.measures.accuracy import DEFAULT, Accuracy, with_sd
-from estimators.measures.asked import Asked, asked_of
-from estimators.measures.figure import Figure
-from estimators.measures.shown import NOTHING, Shown
-from estimators.samples import Event
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.measures.accuracy import DEFAULT, Accuracy, with_sd
+from handscope.estimators.measures.asked import Asked, asked_of
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.shown import NOTHING, Shown
+from handscope.estimators.samples import Event
+from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,19 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from estimators.errors import InputError
-from estimators.measures.synchronisation import Drift, Lag, Signal, interpolated, pooled, rate_of, smoothed, synchronised, variance
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.synchronisation import (
+    Drift,
+    Lag,
+    Signal,
+    interpolated,
+    pooled,
+    rate_of,
+    smoothed,
+    synchronised,
+    variance,
+)
+from handscope.estimators.quaternions import Array
 
 MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
 SHORTEST, WINDOWS = 2.0, 24  # s of a window, how many at most

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fingertips import FINGERTIPS, POINTS, contact_points_of
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.measures.asked import Asked
-from estimators.measures.figure import Grade
-from estimators.measures.held import graded
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.fingertips import FINGERTIPS, POINTS, contact_points_of
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures.asked import Asked
+from handscope.estimators.measures.figure import Grade
+from handscope.estimators.measures.held import graded
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
 

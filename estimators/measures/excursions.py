@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT
-from estimators.measures.cycles import Cycles
-from estimators.measures.held import within
-from estimators.measures.repetitions import HIGH, LOW
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.measures.cycles import Cycles
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.repetitions import HIGH, LOW
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 BEGIN = 0.3  # s whose median is the posture at the beginning
 LEAST = np.radians(10.0)  # of an angle's range: less is no movement

@@ -6,13 +6,13 @@ Source  between neighbours: Chatzioglou 2024 (Anat Cell Biol 57:172), there from
 Limits  zero is fingers parallel in the initial pose: what a hand has between its fingers then is not counted
 """
 
-from estimators.hand_anatomy import DEVIATION, FINGERS
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import held_angles
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Kind, kinds
-from estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import DEVIATION, FINGERS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import held_angles
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Kind, kinds
+from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Finger spread"
 SOURCE = "Chatzioglou 2024 (Anat Cell Biol 57:172)"

@@ -8,15 +8,15 @@ Limits  the hand's long axis must not stand upright; what the shoulder adds is n
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT, side_sign
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import held_angles
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Kind, kinds
-from estimators.measures.held_angles import Angle, Params, Reached, figures, shown
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import SEGMENT, side_sign
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import held_angles
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Kind, kinds
+from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, shown
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Turning the forearm"
 SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"

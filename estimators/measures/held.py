@@ -7,9 +7,9 @@ Out     the running median over `hold`, NaN where the window is not full
 import numpy as np
 from scipy.ndimage import median_filter
 
-from estimators.measures.figure import Grade, grade_of
-from estimators.quaternions import Array
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators.measures.figure import Grade, grade_of
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Flag, Trajectory
 
 UNUSABLE = np.uint8(Flag.HEADING_LOST | Flag.MISSING | Flag.SATURATED | Flag.FAULTY)
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_anatomy import JOINT, JOINTS, SEGMENT
-from estimators.measures.figure import Figure, Grade, Kind
-from estimators.measures.held import graded, held, usable_in, window_of, within
-from estimators.measures.shown import Curve, Shown
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import JOINT, JOINTS, SEGMENT
+from handscope.estimators.measures.figure import Figure, Grade, Kind
+from handscope.estimators.measures.held import graded, held, usable_in, window_of, within
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 SEGMENTS_OF = {j.name: [SEGMENT[j.parent], SEGMENT[j.child]] for j in JOINTS}
 

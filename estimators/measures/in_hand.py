@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from estimators.force import holding
-from estimators.force.holding import UNSURE, Holding
-from estimators.force.identification import Running
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import lift, squeeze
-from estimators.measures.signals import LEAST, even
-from estimators.trajectory import Trajectory
+from handscope.estimators.force import holding
+from handscope.estimators.force.holding import UNSURE, Holding
+from handscope.estimators.force.identification import Running
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import lift, squeeze
+from handscope.estimators.measures.signals import LEAST, even
+from handscope.estimators.trajectory import Trajectory
 
 
 def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:

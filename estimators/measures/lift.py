@@ -13,19 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.force import exchange, holding, identification
-from estimators.force.contact import ContactParams
-from estimators.force.holding import UNREAD, UNSURE, Holding
-from estimators.force.identification import Running
-from estimators.gravity import GRAVITY
-from estimators.hand_geometry import HandGeometry
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
-from estimators.measures.held import within
-from estimators.measures.shown import Curve, Shown
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.force import exchange, holding, identification
+from handscope.estimators.force.contact import ContactParams
+from handscope.estimators.force.holding import UNREAD, UNSURE, Holding
+from handscope.estimators.force.identification import Running
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"

@@ -8,17 +8,17 @@ Source  movement: MDS-UPDRS item 3.5 (never its score); the angle is how far the
 
 import numpy as np
 
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import repeated
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.cycles import Params
-from estimators.measures.figure import Figure, grade_of
-from estimators.measures.held import within
-from estimators.measures.repeated import Repeated, Words
-from estimators.measures.shown import Shown
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import repeated
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.cycles import Params
+from handscope.estimators.measures.figure import Figure, grade_of
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.repeated import Repeated, Words
+from handscope.estimators.measures.shown import Shown
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Opening and closing the hand"
 WORDS = Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,")

@@ -5,18 +5,18 @@ Out     cycles from palm down to palm down: count, rate, intervals, amplitude, s
 Source  movement: MDS-UPDRS item 3.6 (never its score); the angle is which way the palm faces against gravity (forearm_rotation.py): ours; the rest cycles.py
 """
 
-from estimators.hand_anatomy import SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import repeated
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.cycles import Params
-from estimators.measures.figure import Figure, grade_of
-from estimators.measures.forearm_rotation import INCLINATION, palm_turn
-from estimators.measures.held import within
-from estimators.measures.repeated import Repeated, Words
-from estimators.measures.shown import Shown
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import repeated
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.cycles import Params
+from handscope.estimators.measures.figure import Figure, grade_of
+from handscope.estimators.measures.forearm_rotation import INCLINATION, palm_turn
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.repeated import Repeated, Words
+from handscope.estimators.measures.shown import Shown
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Turning the palm up and down"
 WORDS = Words("pronation_supination", "turn", "angle by which the palm faces up")

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.measures import cycle_figures, cycles
-from estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
-from estimators.measures.cycles import Cycles, Params, Stops
-from estimators.measures.figure import Figure, Grade, Kind, kinds
-from estimators.measures.shown import Curve, Shown
-from estimators.quaternions import Array
+from handscope.estimators.measures import cycle_figures, cycles
+from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from handscope.estimators.measures.cycles import Cycles, Params, Stops
+from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.quaternions import Array
 
 STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
 

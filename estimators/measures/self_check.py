@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_geometry import HandGeometry
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.contacts import SALCHOW, Contact, Touched, contacts_of, errors, touched
-from estimators.measures.figure import Figure, Kind, kinds
-from estimators.measures.held import within
-from estimators.measures.shown import Curve, Shown
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.contacts import SALCHOW, Contact, Touched, contacts_of, errors, touched
+from handscope.estimators.measures.figure import Figure, Kind, kinds
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Accuracy self-check"
 UNTOLD = "the task does not say which points are how far apart"

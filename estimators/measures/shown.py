@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.quaternions import Array
+from handscope.estimators.quaternions import Array
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from scipy.signal import find_peaks
 
-from estimators.errors import InputError
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
 
 POWERS = {"speed": 3, "acceleration": 1, "jerk": -1}
 

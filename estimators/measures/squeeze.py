@@ -13,22 +13,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import find_peaks
 
-from estimators.force import exchange, frequency_response, holding, identification
-from estimators.force.contact import ContactParams
-from estimators.force.frequency_response import Conditions, Response
-from estimators.force.holding import UNREAD, UNSURE, Holding
-from estimators.force.identification import Fit, Running
-from estimators.hand_anatomy import FINGER_JOINTS, JOINT, LIMITS
-from estimators.hand_geometry import HandGeometry
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Figure, Grade, Kind, kinds, worse
-from estimators.measures.held import within
-from estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
-from estimators.measures.shown import Curve, Shown
-from estimators.measures.signals import even
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators.force import exchange, frequency_response, holding, identification
+from handscope.estimators.force.contact import ContactParams
+from handscope.estimators.force.frequency_response import Conditions, Response
+from handscope.estimators.force.holding import UNREAD, UNSURE, Holding
+from handscope.estimators.force.identification import Fit, Running
+from handscope.estimators.hand_anatomy import FINGER_JOINTS, JOINT, LIMITS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
+from handscope.estimators.measures.held import within
+from handscope.estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.signals import even
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N

@@ -13,19 +13,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import cycle_figures, cycles
-from estimators.measures.asked import UNKNOWN, Asked
-from estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
-from estimators.measures.cycles import Cycles, Params, Stops
-from estimators.measures.figure import Figure, Grade, grade_of, kinds
-from estimators.measures.shown import Curve, Shown
-from estimators.measures.signals import Even, even, turning
-from estimators.quaternions import Array
-from estimators.trajectory import Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import cycle_figures, cycles
+from handscope.estimators.measures.asked import UNKNOWN, Asked
+from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from handscope.estimators.measures.cycles import Cycles, Params, Stops
+from handscope.estimators.measures.figure import Figure, Grade, grade_of, kinds
+from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.signals import Even, even, turning
+from handscope.estimators.quaternions import Array
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Finger tapping"
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one

@@ -6,13 +6,13 @@ Source  of the metacarpal, as the Pollexograph-metacarpal reads it (de Kraker 20
 Limits  zero is the palm's plane and the direction of the fingers (docs/conventions.md)
 """
 
-from estimators.hand_anatomy import DEVIATION, FLEXION, PRONATION
-from estimators.hand_geometry import HandGeometry
-from estimators.measures import held_angles
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Kind, kinds
-from estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
-from estimators.trajectory import Trajectory
+from handscope.estimators.hand_anatomy import DEVIATION, FLEXION, PRONATION
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures import held_angles
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Kind, kinds
+from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Thumb abduction"
 SOURCE = "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"

@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.measures.asked import UNKNOWN, Asked, words_of
-from estimators.measures.figure import Figure, Grade, Kind, kinds
-from estimators.measures.held import graded, held, usable_in, window_of, within
-from estimators.measures.shown import NOTHING, Shown
-from estimators.options import option
-from estimators.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
+from handscope.estimators.measures.held import graded, held, usable_in, window_of, within
+from handscope.estimators.measures.shown import NOTHING, Shown
+from handscope.estimators.options import option
+from handscope.estimators.trajectory import Trajectory
 
 TITLE = "Total active motion"
 DEG = np.pi / 180

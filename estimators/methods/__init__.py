@@ -3,8 +3,8 @@ whole recording (`solve`) and are offered for recordings alone; those of EXPERIM
 
 from types import ModuleType
 
-from estimators.methods import b, ekf, m1, m2, map_live
-from estimators.methods import map as self_calibrated
+from handscope.estimators.methods import b, ekf, m1, m2, map_live
+from handscope.estimators.methods import map as self_calibrated
 
 METHODS: dict[str, ModuleType] = {"b": b, "m1": m1, "m2": m2, "ekf": ekf}
 BATCH: dict[str, ModuleType] = {"map": self_calibrated}

@@ -9,13 +9,13 @@ Limits  a sensor that sits askew or a field that is not homogeneous becomes an e
 from dataclasses import dataclass
 from typing import ClassVar
 
-from estimators import salchow
-from estimators.options import option
-from estimators.salchow import State as State
-from estimators.salchow import finish as finish
-from estimators.salchow import release as release
-from estimators.salchow import start as start
-from estimators.salchow import step as step
+from handscope.estimators import salchow
+from handscope.estimators.options import option
+from handscope.estimators.salchow import State as State
+from handscope.estimators.salchow import finish as finish
+from handscope.estimators.salchow import release as release
+from handscope.estimators.salchow import start as start
+from handscope.estimators.salchow import step as step
 
 TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
 NEEDS_POSE = False

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import (
+from handscope.estimators import (
     ekf_alignment,
     ekf_deviations,
     finger_ekf,
@@ -26,20 +26,20 @@ from estimators import (
     sensor_fusion,
     time_base,
 )
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.compiled import rowwise, told_by_row
-from estimators.ekf_alignment import SENSORS
-from estimators.ekf_deviations import JOINTS_OF
-from estimators.ekf_seats import Seats
-from estimators.finger_ekf import FilterParams
-from estimators.forward_kinematics import CHAIN_SEGMENTS
-from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
-from estimators.hand_pose import Pose
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.trajectory import Flag, Trajectory, empty, join
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.compiled import rowwise, told_by_row
+from handscope.estimators.ekf_alignment import SENSORS
+from handscope.estimators.ekf_deviations import JOINTS_OF
+from handscope.estimators.ekf_seats import Seats
+from handscope.estimators.finger_ekf import FilterParams
+from handscope.estimators.forward_kinematics import CHAIN_SEGMENTS
+from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand_pose import Pose
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.trajectory import Flag, Trajectory, empty, join
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True

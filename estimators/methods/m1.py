@@ -9,12 +9,12 @@ Limits  as good as the magnetic field is homogeneous: near steel or devices the 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from estimators import salchow
-from estimators.salchow import State as State
-from estimators.salchow import finish as finish
-from estimators.salchow import release as release
-from estimators.salchow import start as start
-from estimators.salchow import step as step
+from handscope.estimators import salchow
+from handscope.estimators.salchow import State as State
+from handscope.estimators.salchow import finish as finish
+from handscope.estimators.salchow import release as release
+from handscope.estimators.salchow import start as start
+from handscope.estimators.salchow import step as step
 
 TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
 NEEDS_POSE = True

@@ -12,19 +12,31 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, side_by_side, trajectory
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.errors import InputError
-from estimators.finding import whole_streams
-from estimators.hand_anatomy import CHAINS, CHILDREN, DEVIATION, FINGERS, FLEXION, IS_DOF, JOINT, PARENTS, SEGMENT, SEGMENTS, side_sign
-from estimators.hand_geometry import HandGeometry, root_joint, with_found
-from estimators.methods import m2
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.run import run
-from estimators.samples import Block, Recording
-from estimators.self_calibration import (
+from handscope.estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, side_by_side, trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.errors import InputError
+from handscope.estimators.finding import whole_streams
+from handscope.estimators.hand_anatomy import (
+    CHAINS,
+    CHILDREN,
+    DEVIATION,
+    FINGERS,
+    FLEXION,
+    IS_DOF,
+    JOINT,
+    PARENTS,
+    SEGMENT,
+    SEGMENTS,
+    side_sign,
+)
+from handscope.estimators.hand_geometry import HandGeometry, root_joint, with_found
+from handscope.estimators.methods import m2
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.run import run
+from handscope.estimators.samples import Block, Recording
+from handscope.estimators.self_calibration import (
     certainty,
     findings,
     first_guess,
@@ -36,11 +48,23 @@ from estimators.self_calibration import (
     solver,
     words,
 )
-from estimators.self_calibration.certainty import DRAWS
-from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import LIMBS, Chain, Noise, Readings, Unknowns, Z, chain, columns, measured, mounted, posed
-from estimators.self_calibration.solver import Limits, Solution
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators.self_calibration.certainty import DRAWS
+from handscope.estimators.self_calibration.findings import Asked, Finger
+from handscope.estimators.self_calibration.problem import (
+    LIMBS,
+    Chain,
+    Noise,
+    Readings,
+    Unknowns,
+    Z,
+    chain,
+    columns,
+    measured,
+    mounted,
+    posed,
+)
+from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.trajectory import Flag, Trajectory
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False

@@ -11,19 +11,19 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from estimators import hand_pose, trajectory
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, FINGERS, JOINT, SEGMENT
-from estimators.hand_geometry import with_found
-from estimators.methods import ekf
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import Block, Stream
-from estimators.self_calibration import live_readings, window_fingers
-from estimators.self_calibration.problem import Noise
-from estimators.self_calibration.window_fingers import Finger, Setting
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators import hand_pose, trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINT, SEGMENT
+from handscope.estimators.hand_geometry import with_found
+from handscope.estimators.methods import ekf
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block, Stream
+from handscope.estimators.self_calibration import live_readings, window_fingers
+from handscope.estimators.self_calibration.problem import Noise
+from handscope.estimators.self_calibration.window_fingers import Finger, Setting
+from handscope.estimators.trajectory import Flag, Trajectory
 
 TITLE = "experiment, not for patients: self-calibration in a sliding window, one initial pose (Kortier 2018, ch. 4)"
 NEEDS_POSE = True

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.self_calibration import posterior, residuals, segments
-from estimators.self_calibration.problem import Chain, Unknowns
-from estimators.self_calibration.segments import Segments
-from estimators.self_calibration.solver import Solution
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import posterior, residuals, segments
+from handscope.estimators.self_calibration.problem import Chain, Unknowns
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Solution
 
 DRAWS = 24  # a standard deviation of so many is known within 15 %
 EVERY = 10  # samples from one standard deviation of an angle to the next: they change slowly

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
-from estimators.self_calibration import misfit, normal_equations, posterior, residuals
-from estimators.self_calibration.normal_equations import Factor
-from estimators.self_calibration.problem import Problem, Unknowns, columns
-from estimators.self_calibration.residuals import SECOND_DIFFERENCE, Terms
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import misfit, normal_equations, posterior, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import SECOND_DIFFERENCE, Terms
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 DRAWS = 2  # of the trajectory: it has thousands of samples

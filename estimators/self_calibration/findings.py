@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.self_calibration.certainty import Certainty
-from estimators.self_calibration.problem import Chain
-from estimators.self_calibration.segments import Segments
-from estimators.self_calibration.solver import Solution
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.certainty import Certainty
+from handscope.estimators.self_calibration.problem import Chain
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Solution
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,10 @@ Limits  beside a sensor that does not turn one heading is as good as another: th
 import numpy as np
 from vqf import offlineVQF
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
-from estimators.self_calibration.problem import Chain, Noise, Readings, Unknowns
-from estimators.self_calibration.residuals import NUMEROV, SECOND_DIFFERENCE
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.problem import Chain, Noise, Readings, Unknowns
+from handscope.estimators.self_calibration.residuals import NUMEROV, SECOND_DIFFERENCE
 
 HEADINGS = 72
 EXPECTED = 0.05  # m, how far a joint usually is from a sensor

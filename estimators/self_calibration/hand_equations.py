@@ -12,16 +12,16 @@ from functools import partial
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from estimators import quaternions as quat
-from estimators import side_by_side
-from estimators.quaternions import Array
-from estimators.self_calibration import hand_problem, normal_equations, residuals
-from estimators.self_calibration import skin as skin_motion
-from estimators.self_calibration.hand_problem import OWN, HandPlace, HandProblem, Layout
-from estimators.self_calibration.normal_equations import Normal, Step
-from estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
-from estimators.self_calibration.residuals import Terms
-from estimators.side_by_side import Each
+from handscope.estimators import quaternions as quat
+from handscope.estimators import side_by_side
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import hand_problem, normal_equations, residuals
+from handscope.estimators.self_calibration import skin as skin_motion
+from handscope.estimators.self_calibration.hand_problem import OWN, HandPlace, HandProblem, Layout
+from handscope.estimators.self_calibration.normal_equations import Normal, Step
+from handscope.estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import Terms
+from handscope.estimators.side_by_side import Each
 
 CHUNK = 512  # samples whose derivatives are in memory at once
 PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further

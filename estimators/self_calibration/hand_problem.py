@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
-from estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Unknowns, bent, columns, moved
-from estimators.self_calibration.residuals import NUMEROV
-from estimators.self_calibration.skin import followed
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.problem import Chain, Indices, Noise, Problem, Unknowns, bent, columns, moved
+from handscope.estimators.self_calibration.residuals import NUMEROV
+from handscope.estimators.self_calibration.skin import followed
 
 TURN_AND_SLIDE = 6  # numbers of each joint on the hand
 OWN = 3  # unknowns of a sample beside turns: the error of the hand's accelerometer

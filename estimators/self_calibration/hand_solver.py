@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.self_calibration import covariance, hand_equations, hand_problem, misfit, normal_equations, posterior
-from estimators.self_calibration.hand_equations import HandFactor, HandNormal
-from estimators.self_calibration.hand_problem import HandPlace, HandProblem
-from estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
-from estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import covariance, hand_equations, hand_problem, misfit, normal_equations, posterior
+from handscope.estimators.self_calibration.hand_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.hand_problem import HandPlace, HandProblem
+from handscope.estimators.self_calibration.problem import Indices, Noise, Unknowns, columns
+from handscope.estimators.self_calibration.solver import Ground, Limits, Outcome, Solution, down
 
 
 @dataclass(frozen=True)

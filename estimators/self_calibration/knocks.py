@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.quaternions import Array
-from estimators.self_calibration import posterior, residuals
-from estimators.self_calibration.problem import Problem, Unknowns
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import posterior, residuals
+from handscope.estimators.self_calibration.problem import Problem, Unknowns
 
 GROSS = 10.0  # usual errors: what is off by less is trusted less, and no knock: skin under the hand's sensor, that other fingers move, is off by 6
 OPENED = 1e3  # times the error of a turn while it is asked whether its gyroscope was knocked: half a degree

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream, every
-from estimators.self_calibration import recordings
-from estimators.self_calibration.recordings import DOUBTFUL, RATE
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Stream, every
+from handscope.estimators.self_calibration import recordings
+from handscope.estimators.self_calibration.recordings import DOUBTFUL, RATE
 
 ROUNDED = 1e-6  # of a period
 SILENT = 2.0  # s

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.self_calibration import hand_equations, hand_problem, normal_equations, residuals
-from estimators.self_calibration.hand_equations import HandFactor, HandNormal
-from estimators.self_calibration.hand_problem import HandPlace, HandProblem
-from estimators.self_calibration.normal_equations import Factor
-from estimators.self_calibration.problem import Chain, Indices, Problem, Unknowns, columns
-from estimators.self_calibration.residuals import Terms
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import hand_equations, hand_problem, normal_equations, residuals
+from handscope.estimators.self_calibration.hand_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.hand_problem import HandPlace, HandProblem
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Chain, Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import Terms
 
 TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
 GROUPS = 16  # whose pulls are in memory at once

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.compiled import loops
-from estimators.quaternions import Array
-from estimators.self_calibration.residuals import Terms
+from handscope.estimators.compiled import loops
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.residuals import Terms
 
 SPAN = 3  # samples that one residual touches at most
 

@@ -10,9 +10,9 @@ import itertools
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.self_calibration import first_guess
-from estimators.self_calibration.problem import Chain, Noise, Readings
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import first_guess
+from handscope.estimators.self_calibration.problem import Chain, Noise, Readings
 
 CLEARLY = 10.0  # times as badly as in the best order neighbours must meet, all pairs multiplied: slow fingers in their own order 6
 

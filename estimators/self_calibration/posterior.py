@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from estimators.quaternions import Array
-from estimators.self_calibration import normal_equations, residuals
-from estimators.self_calibration.normal_equations import Factor
-from estimators.self_calibration.problem import Noise, Problem, Unknowns, columns, moved
-from estimators.self_calibration.residuals import NUMEROV
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, columns, moved
+from handscope.estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
 LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger

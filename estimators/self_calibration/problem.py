@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, JOINTS, Hand, side_sign
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.self_calibration.skin import followed
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, JOINTS, Hand, side_sign
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.skin import followed
 
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import full_scales
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, SATURATION, Block, beyond, every
-from estimators.self_calibration.problem import Chain, Readings, chain
-from estimators.time_base import even_times
+from handscope.estimators import full_scales
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, SATURATION, Block, beyond, every
+from handscope.estimators.self_calibration.problem import Chain, Readings, chain
+from handscope.estimators.time_base import even_times
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one

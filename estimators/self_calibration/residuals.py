@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.quaternions import Array
-from estimators.self_calibration import skin
-from estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, bending, columns, tangents
-from estimators.self_calibration.skin import Skin, right_jacobian
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import skin
+from handscope.estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, bending, columns, tangents
+from handscope.estimators.self_calibration.skin import Skin, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import Hand, side_sign
-from estimators.quaternions import Array
-from estimators.self_calibration.problem import Chain, Unknowns, columns, unskinned
-from estimators.self_calibration.solver import Solution
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import Hand, side_sign
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.problem import Chain, Unknowns, columns, unskinned
+from handscope.estimators.self_calibration.solver import Solution
 
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 

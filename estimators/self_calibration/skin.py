@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
 
 QUARTER = np.pi / 2
 

@@ -14,13 +14,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import Hand
-from estimators.quaternions import Array
-from estimators.self_calibration import normal_equations, residuals
-from estimators.self_calibration.normal_equations import Factor, Normal
-from estimators.self_calibration.problem import Chain, Columns, Noise, Problem, Readings, Unknowns, bent, columns, moved, posed, tangents
-from estimators.self_calibration.residuals import Terms
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor, Normal
+from handscope.estimators.self_calibration.problem import (
+    Chain,
+    Columns,
+    Noise,
+    Problem,
+    Readings,
+    Unknowns,
+    bent,
+    columns,
+    moved,
+    posed,
+    tangents,
+)
+from handscope.estimators.self_calibration.residuals import Terms
 
 EVERY_SAMPLE = (residuals.turning, residuals.meeting, residuals.hinging, residuals.staying)  # how it begins is told by `Past`
 SHARED = 2  # samples of the window that those that left have touched: a joint's meeting spans three

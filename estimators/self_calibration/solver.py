@@ -11,11 +11,11 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.self_calibration import covariance, knocks, normal_equations, posterior, residuals
-from estimators.self_calibration.knocks import Jolt
-from estimators.self_calibration.normal_equations import Factor
-from estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import covariance, knocks, normal_equations, posterior, residuals
+from handscope.estimators.self_calibration.knocks import Jolt
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
 
 CHUNK = 512  # samples whose derivatives are in memory at once
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is

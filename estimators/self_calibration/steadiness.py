@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.quaternions import Array
-from estimators.self_calibration import covariance, first_guess, solver
-from estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, columns, posed
-from estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import covariance, first_guess, solver
+from handscope.estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, columns, posed
+from handscope.estimators.self_calibration.solver import Limits, Solution
 
 SHIFTED, TILTED = 3e-3, 3.0  # m, deg
 SURE = 3.0  # standard deviations

@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
-from estimators.hand_geometry import with_found
-from estimators.quaternions import Array
-from estimators.self_calibration import posterior, segments, sliding_window
-from estimators.self_calibration.certainty import DRAWS
-from estimators.self_calibration.live_readings import Nodes
-from estimators.self_calibration.normal_equations import Factor
-from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, columns, measured, moved
-from estimators.self_calibration.sliding_window import Slid, Window
-from estimators.self_calibration.solver import Solution
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT, SEGMENTS
+from handscope.estimators.hand_geometry import with_found
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import posterior, segments, sliding_window
+from handscope.estimators.self_calibration.certainty import DRAWS
+from handscope.estimators.self_calibration.live_readings import Nodes
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, chain, columns, measured, moved
+from handscope.estimators.self_calibration.sliding_window import Slid, Window
+from handscope.estimators.self_calibration.solver import Solution
 
 MISFIT = 10.0  # usual errors of joints' accelerations: beyond, what was found is of no hand
 EVERY = 25  # steps from one standard deviation to the next: they change slowly

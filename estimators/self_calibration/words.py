@@ -9,15 +9,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, JOINT, JOINTS, LIMITS
-from estimators.self_calibration import findings, order, residuals, steadiness
-from estimators.self_calibration.findings import Asked, Finger
-from estimators.self_calibration.problem import LIMBS, Problem, Readings
-from estimators.self_calibration.recordings import DOUBTFUL, LONGEST_GAP, Hole
-from estimators.self_calibration.solver import Solution
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, JOINT, JOINTS, LIMITS
+from handscope.estimators.self_calibration import findings, order, residuals, steadiness
+from handscope.estimators.self_calibration.findings import Asked, Finger
+from handscope.estimators.self_calibration.problem import LIMBS, Problem, Readings
+from handscope.estimators.self_calibration.recordings import DOUBTFUL, LONGEST_GAP, Hole
+from handscope.estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, as durations are said
 LEFT_OUT = 3.0  # s of a recording that are not worth a word

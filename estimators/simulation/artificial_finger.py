@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import Hand, side_sign
-from estimators.hand_geometry import HandGeometry, HandMeasures, sized
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.simulation import kinematics, sensors
-from estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors, SensorSet
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import Hand, side_sign
+from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, sized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.simulation import kinematics, sensors
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
 
 SEGMENTS = ("hand", "index_proximal", "index_middle", "index_distal")
 HINGES = 0.030  # m apart

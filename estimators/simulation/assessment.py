@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS
-from estimators.quaternions import Array
-from estimators.simulation.motion import COORDINATES, Motion, sampled
-from estimators.simulation.powerglove import Movement
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
+from handscope.estimators.simulation.powerglove import Movement
 
 SWING, HELD = 1.6, 2.5  # s that going to an end takes, and s of either way, its stay included
 UP, DOWN = -150.0, 0.0  # deg of the forearm, palm up and palm down

@@ -14,18 +14,18 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.forward_kinematics import CHAIN_SEGMENTS
-from estimators.hand_anatomy import FINGERS, JOINTS, LIMITS, Hand, side_sign
-from estimators.hand_geometry import MEAN_HAND_LENGTH, HandGeometry, HandMeasures, sized
-from estimators.quaternions import Array
-from estimators.simulation.grasp import freedoms
-from estimators.simulation.guided import RATE, framed
-from estimators.simulation.kinematics import base_orientation
-from estimators.simulation.motion import COORDINATES, SIZE, sampled
-from estimators.simulation.tasks import POSE_THUMB, Performance, relaxed
-from estimators.simulation.whole_hand import smooth
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.forward_kinematics import CHAIN_SEGMENTS
+from handscope.estimators.hand_anatomy import FINGERS, JOINTS, LIMITS, Hand, side_sign
+from handscope.estimators.hand_geometry import MEAN_HAND_LENGTH, HandGeometry, HandMeasures, sized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.grasp import freedoms
+from handscope.estimators.simulation.guided import RATE, framed
+from handscope.estimators.simulation.kinematics import base_orientation
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, sampled
+from handscope.estimators.simulation.tasks import POSE_THUMB, Performance, relaxed
+from handscope.estimators.simulation.whole_hand import smooth
 
 DORSAL = (0.010, 0.008)  # m, of a marker above the proximal and the distal bone; ours
 CARRIED, ROWS = np.array([[1, 2], *[[0, 2]] * 4]), np.arange(5)[:, None]  # markers sit on the proximal and the distal phalanx of each chain

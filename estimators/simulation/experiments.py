@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.simulation import functional, giving, guided, held, tasks
-from estimators.simulation.magnetic_field import MagneticField
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import SensorErrors
-from estimators.simulation.tasks import Performance
-from estimators.simulation.transmission import WIRED, Transmission
+from handscope.estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import functional, giving, guided, held, tasks
+from handscope.estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.simulation.transmission import WIRED, Transmission
 
 Perform = Callable[[HandGeometry, np.random.Generator], tuple[Performance, ...]]
 

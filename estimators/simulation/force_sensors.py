@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.sensors import SensorSet, true_mounting
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.sensors import SensorSet, true_mounting
 
 PRECISION = "full-scale errors of a four-axis skin-interface sensor, BioMed Eng OnLine 11:90, Table 4: 0 to 4 %"
 

@@ -9,15 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import ANGLES, FLEXION, JOINTS, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block, Event, Stream
-from estimators.simulation import kinematics, sensors
-from estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import ANGLES, FLEXION, JOINTS, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.simulation import kinematics, sensors
+from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
 
 RESTING = 1.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS, IS_DOF
-from estimators.hand_geometry import HandGeometry
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.simulation.guided import RATE, framed
-from estimators.simulation.motion import COORDINATES, posture, sampled
-from estimators.simulation.tasks import POSE_THUMB, Performance, flat
-from estimators.simulation.whole_hand import gently, smooth, swaying
+from handscope.estimators.hand_anatomy import FINGERS, IS_DOF
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.simulation.guided import RATE, framed
+from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
+from handscope.estimators.simulation.tasks import POSE_THUMB, Performance, flat
+from handscope.estimators.simulation.whole_hand import gently, smooth, swaying
 
 HALF = 1.4  # s from straight to bent: joint rates below 2 rad/s
 LEAD = 1.5  # s from the relaxed posture into the step

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.hand_anatomy import FLEXION, IS_DOF, JOINTS
-from estimators.quaternions import Array
-from estimators.simulation.motion import Motion
+from handscope.estimators.hand_anatomy import FLEXION, IS_DOF, JOINTS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import Motion
 
 AS_MEASURED = 0.94  # deg, root mean square about one axis: Hess et al. 2013
 BENDS = 1.5  # rad of the sine for a rad of flexion: there and back once over a joint's range

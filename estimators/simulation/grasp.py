@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimators import forward_kinematics, joint_angles
-from estimators.fingertips import FINGERTIPS, contact_points
-from estimators.hand_anatomy import ANGLES, CHAINS, FINGERS, JOINTS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.simulation.motion import COORDINATES, posture
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators.fingertips import FINGERTIPS, contact_points
+from handscope.estimators.hand_anatomy import ANGLES, CHAINS, FINGERS, JOINTS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import COORDINATES, posture
 
 NATURAL = {"thumb_cmc": ((-10, 60), (-60, 10), (0, 110)), "thumb_mcp": ((0, 50),), "thumb_ip": ((-5, 60),)}
 NATURAL |= {f"{f}_{j}": r for f in FINGERS[1:] for j, r in {"mcp": ((-10, 85), (-15, 15)), "pip": ((0, 100),), "dip": ((0, 65),)}.items()}

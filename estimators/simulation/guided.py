@@ -8,14 +8,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.simulation.grasp import NATURAL
-from estimators.simulation.motion import COORDINATES, Motion, joined, posture, sampled, through
-from estimators.simulation.tasks import Performance, flat, relaxed
-from estimators.simulation.whole_hand import gently, moving
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.simulation.grasp import NATURAL
+from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, sampled, through
+from handscope.estimators.simulation.tasks import Performance, flat, relaxed
+from handscope.estimators.simulation.whole_hand import gently, moving
 
 FASTEST = 1.9  # rad/s, of a joint: the paper stays below 2
 PEAK = 1.875  # greatest rate of a minimum-jerk movement against its mean rate

@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.simulation.grasp import Hold as Hold
-from estimators.simulation.grasp import closed, fingers_of, freedoms
-from estimators.simulation.guided import RATE, framed
-from estimators.simulation.motion import COORDINATES, posture, sampled
-from estimators.simulation.tasks import Performance, relaxed
-from estimators.simulation.whole_hand import gently, moving, smooth, swaying
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.grasp import Hold as Hold
+from handscope.estimators.simulation.grasp import closed, fingers_of, freedoms
+from handscope.estimators.simulation.guided import RATE, framed
+from handscope.estimators.simulation.motion import COORDINATES, posture, sampled
+from handscope.estimators.simulation.tasks import Performance, relaxed
+from handscope.estimators.simulation.whole_hand import gently, moving, smooth, swaying
 
 SPACER_THUMB_INDEX = Hold(("thumb", "bottom"), ("index", "bottom"), 0.030)
 SPACER_INDEX_MIDDLE = Hold(("index", "left"), ("middle", "right"), 0.030)

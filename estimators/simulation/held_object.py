@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from estimators import quaternions as quat
-from estimators.fingertips import FINGERTIPS, offset
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.simulation.grasp import Hold, closed
-from estimators.simulation.held import GRASPED
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.motion import COORDINATES, joined, posture, sampled, through
-from estimators.simulation.tasks import Performance, relaxed
-from estimators.simulation.whole_hand import smooth, swaying
+from handscope.estimators import quaternions as quat
+from handscope.estimators.fingertips import FINGERTIPS, offset
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.simulation.grasp import Hold, closed
+from handscope.estimators.simulation.held import GRASPED
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.motion import COORDINATES, joined, posture, sampled, through
+from handscope.estimators.simulation.tasks import Performance, relaxed
+from handscope.estimators.simulation.whole_hand import smooth, swaying
 
 RATE = 50.0  # Hz, of the samples that the motion goes through
 CYLINDER, SPRING = 0.06, 0.04  # m between the fingertips

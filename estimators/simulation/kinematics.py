@@ -10,13 +10,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
-from estimators.hand_geometry import HandGeometry, root_joint
-from estimators.quaternions import Array
-from estimators.simulation.motion import Motion
-from estimators.trajectory import Trajectory
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
+from handscope.estimators.hand_geometry import HandGeometry, root_joint
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import Motion
+from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.simulation.magnetic_field import MagneticField
-from estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
 
 FINE = 16  # instants of the motion for each sample
 REST, STARTING = 1.0, 2.0  # s before a movement begins, and until it is in full swing

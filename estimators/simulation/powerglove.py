@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS
-from estimators.quaternions import Array
-from estimators.simulation.motion import COORDINATES, Motion, sampled
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import COORDINATES, Motion, sampled
 
 BENT = {"mcp": 65.0, "pip": 75.0, "dip": 40.0}
 JOINTS = {"mcp": ("mcp",), "pip_dip": ("pip", "dip"), "all": ("mcp", "pip", "dip")}

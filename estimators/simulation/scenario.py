@@ -5,24 +5,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimators import trajectory
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
-from estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission, trunk
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.magnetic_field import MagneticField, homogeneous
-from estimators.simulation.motion import shifted
-from estimators.simulation.sensors import SensorErrors, SensorSet
-from estimators.simulation.tasks import Performance
-from estimators.simulation.transmission import WIRED, Transmission
-from estimators.simulation.trunk import Carried, TrunkGlove
-from estimators.trajectory import Trajectory
+from handscope.estimators import trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
+from handscope.estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission, trunk
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
+from handscope.estimators.simulation.motion import shifted
+from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.simulation.transmission import WIRED, Transmission
+from handscope.estimators.simulation.trunk import Carried, TrunkGlove
+from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)

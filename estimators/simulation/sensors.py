@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
-from estimators.hand_geometry import HandGeometry
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.magnetic_field import MagneticField
 
 MPU9250 = "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1-3"
 CALIBRATED = "left after the strip's calibration (Salchow-Hoemmen 2019, 2.1: sensors calibrated once); size ours"

@@ -11,15 +11,15 @@ from functools import partial
 
 import numpy as np
 
-from estimators.hand_anatomy import FINGERS
-from estimators.hand_geometry import HandGeometry
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.simulation.assessment import DOWN, RANGES, ROUNDS, TREMORS, TURNING, UP, trembling
-from estimators.simulation.grasp import pinch
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
-from estimators.simulation.powerglove import CIRCLING, FAST, MOVEMENTS, POINTING, RAMP, circles
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.simulation.assessment import DOWN, RANGES, ROUNDS, TREMORS, TURNING, UP, trembling
+from handscope.estimators.simulation.grasp import pinch
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.motion import COORDINATES, Motion, joined, posture, through
+from handscope.estimators.simulation.powerglove import CIRCLING, FAST, MOVEMENTS, POINTING, RAMP, circles
 
 POSE_THUMB = (
     0.0,

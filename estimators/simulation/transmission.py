@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimators.options import option
-from estimators.quaternions import Array
-from estimators.samples import Block
+from handscope.estimators.options import option
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
 
 VALTIN = "Valtin 2017, 2.2"
 

@@ -5,9 +5,9 @@ Source  Salchow-Hoemmen 2019, 3.2.1: moved via translation and rotation into all
 
 import numpy as np
 
-from estimators.hand_anatomy import Hand, side_sign
-from estimators.quaternions import Array
-from estimators.simulation.motion import COORDINATES, SIZE
+from handscope.estimators.hand_anatomy import Hand, side_sign
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.motion import COORDINATES, SIZE
 
 EXTENT = {  # m or deg
     "wrist_x": 0.12,

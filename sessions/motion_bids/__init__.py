@@ -1,4 +1,4 @@
 """Motion-BIDS in and out: the contract with other programs (docs/motion-bids.md)."""
 
-from sessions.motion_bids.reader import load as load
-from sessions.motion_bids.writer import write as write
+from handscope.sessions.motion_bids.reader import load as load
+from handscope.sessions.motion_bids.writer import write as write

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path, PurePosixPath
 
-from estimators.errors import InputError
+from handscope.estimators.errors import InputError
 
 MOST_FILES = 10_000
 MOST_BYTES = 4 * 2**30  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB

@@ -10,17 +10,17 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from estimators import joint_angles
-from estimators.errors import InputError
-from estimators.hand_anatomy import ANGLES, FINGERS, HANDS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand
-from estimators.marker_clusters import NAME as MARKER
-from estimators.marker_clusters import Markers
-from estimators.quaternions import Array
-from estimators.samples import Event
-from estimators.trajectory import Trajectory
-from sessions.motion_bids.files import Files, open_files, whole
-from sessions.motion_bids.reader import NAME, System, events_of, times_of
-from sessions.motion_bids.tables import json_object, numbers, rows
+from handscope.estimators import joint_angles
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import ANGLES, FINGERS, HANDS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.marker_clusters import NAME as MARKER
+from handscope.estimators.marker_clusters import Markers
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Event
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions.motion_bids.files import Files, open_files, whole
+from handscope.sessions.motion_bids.reader import NAME, System, events_of, times_of
+from handscope.sessions.motion_bids.tables import json_object, numbers, rows
 
 UNITS: dict[str, dict[str, float]] = {
     "JNTANG": {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180},

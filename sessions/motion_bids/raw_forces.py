@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.force.setup import ForceSetup
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.setup import ForceSetup
+from handscope.estimators.quaternions import Array
 
 
 def raw_columns(system: str, channels: Sequence[Mapping[str, str]], setups: Mapping[str, ForceSetup]) -> dict[str, list[int]]:

@@ -12,31 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from estimators import imu_calibration
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS
-from estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
-from sessions.clock_mapping import ClockMap
-from sessions.force_calibrations import Kept
-from sessions.wire import force_told
-from sessions.wire.force_told import ForceTold
-from sessions.wire.framing import Counters, Decoder
-from sessions.wire.messages import (
-    Identity,
-    Mark,
-    Message,
-    Pong,
-    Reply,
-    Samples,
-    Status,
-    StreamInfo,
-    Strip,
-    StripCalibration,
-)
-from sessions.wire.sample_values import fits, values_of
+from handscope.estimators import imu_calibration
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS
+from handscope.estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
+from handscope.sessions.clock_mapping import ClockMap
+from handscope.sessions.force_calibrations import Kept
+from handscope.sessions.wire import force_told
+from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.framing import Counters, Decoder
+from handscope.sessions.wire.messages import Identity, Mark, Message, Pong, Reply, Samples, Status, StreamInfo, Strip, StripCalibration
+from handscope.sessions.wire.sample_values import fits, values_of
 
 NS = 1e-9
 SET_BACK = 0.1  # s; as much may a better map of a foreign clock set a burst back: its samples are squeezed together, not dropped

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.force.setup import ForceSetup
-from estimators.quaternions import Array
-from estimators.samples import FORCE, SATURATION, TORQUE
+from handscope.estimators.force.setup import ForceSetup
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import FORCE, SATURATION, TORQUE
 
 
 @dataclass(frozen=True)

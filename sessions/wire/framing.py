@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 
 from cobs import cobs
 
-from sessions.wire.messages import BadPayloadError, Identity, Message, decode, encode
-from sessions.wire.stuffing import unstuffed
+from handscope.sessions.wire.messages import BadPayloadError, Identity, Message, decode, encode
+from handscope.sessions.wire.stuffing import unstuffed
 
 LONGEST = (
     4096  # bytes of a frame on the wire; more without a zero byte is garbage. A burst of 3 sensors, 6 axes of 4 bytes, has 72 a sample

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from estimators.magnet_plate import Plate
-from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
-from sessions.wire.force_told import ForceTold, read_force, write_force
-from sessions.wire.plate_payload import read_plate, write_plate
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
+from handscope.sessions.wire.force_told import ForceTold, read_force, write_force
+from handscope.sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1
 QUANTITIES = (GYR, ACC, MAG, FORCE, TORQUE)  # bit k of the quantity mask

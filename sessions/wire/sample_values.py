@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sessions.wire.messages import Format, Samples, StreamInfo
+from handscope.sessions.wire.messages import Format, Samples, StreamInfo
 
 MISSING_COUNT = -32768
 

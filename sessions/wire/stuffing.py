@@ -5,8 +5,8 @@ Source  Cheshire and Baker 1999; `cobs.decode` of the package cobs says the same
 
 import numpy as np
 
-from estimators.compiled import looped
-from estimators.quaternions import Array
+from handscope.estimators.compiled import looped
+from handscope.estimators.quaternions import Array
 
 
 def unstuffed(frame: bytes) -> bytes | None:

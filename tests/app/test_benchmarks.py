@@ -6,13 +6,13 @@ import pytest
 from sqlalchemy import func, select
 from starlette.testclient import TestClient
 
-from app.api.access import new_token
-from app.benchmarks import BENCHES, Metric, bench, gate, load, pages
-from app.server import create_app
-from app.settings import Settings
-from estimators.errors import InputError
-from sessions.store import open_store
-from sessions.tables import Patient, PatientSession, RecordingFile, Result
+from handscope.app.api.access import new_token
+from handscope.app.benchmarks import BENCHES, Metric, bench, gate, load, pages
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.estimators.errors import InputError
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import Patient, PatientSession, RecordingFile, Result
 
 
 @pytest.mark.parametrize("name", BENCHES)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from app import cohort
-from app.cli import main
-from estimators.errors import InputError
-from sessions.motion_bids import writer
+from handscope.app import cohort
+from handscope.app.cli import main
+from handscope.estimators.errors import InputError
+from handscope.sessions.motion_bids import writer
 from tests.simulated import loaded, pose_and_wiggle
 
 pytest.importorskip("distributed", reason="Dask is not installed: make lock, then make check")

@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 from sqlalchemy import delete
 
-from app import jobs, results
-from app.jobs import Jobs
-from estimators.errors import InputError
-from sessions import patients
-from sessions.results import ATTEMPTS, ENDED, STOPPED, stop
-from sessions.store import Store, open_store
-from sessions.tables import PatientSession, RecordingFile, Result
+from handscope.app import jobs, results
+from handscope.app.jobs import Jobs
+from handscope.estimators.errors import InputError
+from handscope.sessions import patients
+from handscope.sessions.results import ATTEMPTS, ENDED, STOPPED, stop
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import PatientSession, RecordingFile, Result
 
 WAIT = 120.0  # s until a test gives up
 DEATHS: dict[str, Callable[[], object]] = {

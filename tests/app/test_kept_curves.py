@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.kept_curves import LEAD, Step, at_other, thinned
+from handscope.app.kept_curves import LEAD, Step, at_other, thinned
 
 
 def test_thinning_loses_no_peak_and_keeps_the_order() -> None:

@@ -9,11 +9,11 @@ import fsspec
 import pytest
 from starlette.testclient import TestClient
 
-from app import moving_out
-from app.api.access import new_token
-from app.server import create_app
-from app.settings import Settings
-from sessions.motion_bids import writer
+from handscope.app import moving_out
+from handscope.app.api.access import new_token
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.sessions.motion_bids import writer
 from tests import object_store
 from tests.app.api.test_recordings import upload
 from tests.app.devices.virtual import wait_for

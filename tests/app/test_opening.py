@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.opening import DIED, Opening
-from estimators.errors import InputError
-from sessions.motion_bids import writer
+from handscope.app.opening import DIED, Opening
+from handscope.estimators.errors import InputError
+from handscope.sessions.motion_bids import writer
 from tests.simulated import loaded, pose_and_wiggle
 
 

@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from app.options import with_options
-from estimators.errors import InputError
-from estimators.methods import METHODS
-from estimators.options import describe
-from estimators.processing import process
+from handscope.app.options import with_options
+from handscope.estimators.errors import InputError
+from handscope.estimators.methods import METHODS
+from handscope.estimators.options import describe
+from handscope.estimators.processing import process
 from tests.simulated import pose_and_wiggle
 
 M2 = METHODS["m2"]

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from sqlalchemy import select
 
-from app.version import software_version
-from sessions import patients, records, results
-from sessions.motion_bids import writer
-from sessions.recording import LoadedRecording
-from sessions.store import Store, open_store
-from sessions.tables import Result
+from handscope.app.version import software_version
+from handscope.sessions import patients, records, results
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Result
 from tests.faults.victim import Victim, wait_for
 from tests.simulated import pose_and_wiggle
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from app.time_limit import within
-from estimators.errors import InputError
+from handscope.app.time_limit import within
+from handscope.estimators.errors import InputError
 
 
 def test_what_takes_too_long_ends_and_says_what_to_do() -> None:

@@ -6,12 +6,12 @@ import sys
 
 import pytest
 
-from app.working_process import DiedError, WorkingProcess
+from handscope.app.working_process import DiedError, WorkingProcess
 from tests.app.devices.virtual import wait_for
 
 PARENT = """
 import os, sys
-from app.working_process import WorkingProcess
+from handscope.app.working_process import WorkingProcess
 if __name__ == "__main__":
     with WorkingProcess(os.getpid) as process:
         print(process.do(os.getpid), flush=True)
@@ -65,7 +65,7 @@ def test_a_process_sees_the_environment_of_its_own_beginning(monkeypatch: pytest
 @pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
 def test_a_process_begins_with_what_its_work_needs() -> None:
     with WorkingProcess(os.getpid) as process:
-        assert {"app.results", "app.reporting"} <= process.do(imported)
+        assert {"handscope.app.results", "handscope.app.reporting"} <= process.do(imported)
 
 
 def test_killing_one_that_has_not_begun_is_nothing() -> None:

@@ -4,18 +4,18 @@ from functools import cache
 
 import numpy as np
 
-from estimators import processing
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.functional_steps import Piece
-from estimators.hand_anatomy import Hand
-from estimators.methods import m2
-from estimators.quaternions import Array
-from estimators.simulation import functional, tasks
-from estimators.simulation.functional import Carelessness, missed
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators import processing
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.functional_steps import Piece
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.methods import m2
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.simulation.functional import Carelessness, missed
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 
 ANYHOW = SensorErrors(misalignment=15.0, misalignment_width=15.0)  # up to 30 deg off, about any axis
 PERFECT = Carelessness(pose=0.0, apart=0.0, joints=0.0, hand=2.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.bridging import FREQUENCY, bridge, missed
+from handscope.estimators.bridging import FREQUENCY, bridge, missed
 
 
 def _known(n: int, first: int, length: int) -> np.ndarray:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import initial_pose
-from estimators.calibration import Calibration, SensorQuality
-from estimators.calibration_quality import JointQuality, of_joints
-from estimators.hand_anatomy import JOINTS, SEGMENTS
-from estimators.hand_geometry import sized
+from handscope.estimators import initial_pose
+from handscope.estimators.calibration import Calibration, SensorQuality
+from handscope.estimators.calibration_quality import JointQuality, of_joints
+from handscope.estimators.hand_anatomy import JOINTS, SEGMENTS
+from handscope.estimators.hand_geometry import sized
 from tests.simulated import INSTANT, in_strips
 
 DEG = np.pi / 180

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from estimators.compiled import called_by, inlined
+from handscope.estimators.compiled import called_by, inlined
 
 
 def _kernel(of_angle: Callable[..., Any], factor: float) -> Callable[..., Any]:

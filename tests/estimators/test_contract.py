@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import trajectory
-from estimators.hand_geometry import sized
-from estimators.methods import METHODS
-from estimators.options import describe
-from estimators.samples import ACC, Block
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Trajectory
+from handscope.estimators import trajectory
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import METHODS
+from handscope.estimators.options import describe
+from handscope.estimators.samples import ACC, Block
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import Trajectory
 from tests.simulated import assert_same, calibrated, cut, in_strips, interleaved, with_samples
 
 every_method = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS.keys())

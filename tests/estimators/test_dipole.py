@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators import dipole
-from estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators import dipole
+from handscope.estimators.simulation.magnetic_field import MagneticField
 
 RNG = np.random.default_rng(5)
 R, M = RNG.normal(size=(6, 3)) * 0.2, RNG.normal(size=(6, 3))

@@ -3,8 +3,8 @@
 import numpy as np
 from hypothesis import given
 
-from estimators import dual_quaternions as dual
-from estimators import quaternions as quat
+from handscope.estimators import dual_quaternions as dual
+from handscope.estimators import quaternions as quat
 from tests.estimators.test_quaternions import rotations
 
 

@@ -10,21 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from estimators import ekf_deviations, forward_kinematics, joint_angles, run, trajectory
-from estimators import quaternions as quat
-from estimators.forward_kinematics import CHAIN_JOINTS
-from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT, Hand
-from estimators.hand_geometry import sized
-from estimators.methods import ekf
-from estimators.processing import process
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, Block
-from estimators.simulation import experiments
-from estimators.simulation.experiments import judged, recorded
-from estimators.simulation.giving import AS_MEASURED
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.trajectory import Trajectory
+from handscope.estimators import ekf_deviations, forward_kinematics, joint_angles, run, trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.forward_kinematics import CHAIN_JOINTS
+from handscope.estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import ekf
+from handscope.estimators.processing import process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, Block
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.giving import AS_MEASURED
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.trajectory import Trajectory
 from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, interleaved, pose_and_wiggle, tracked, with_samples
 
 PARAMS = ekf.Params(gyr_reading="instant")  # as the simulated gyroscopes read

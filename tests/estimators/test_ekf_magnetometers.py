@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import ekf_magnetometers, ekf_windows, finger_ekf, joint_angles, run, trajectory
-from estimators import quaternions as quat
-from estimators.ekf_seats import APART, SIZE
-from estimators.hand_anatomy import IS_DOF, JOINT, SEGMENT
-from estimators.methods import ekf
-from estimators.quaternions import Array
-from estimators.samples import MAG, Block, Stream
-from estimators.simulation import experiments
-from estimators.simulation.experiments import judged, recorded
-from estimators.simulation.magnetic_field import homogeneous, office
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
-from estimators.trajectory import Trajectory
+from handscope.estimators import ekf_magnetometers, ekf_windows, finger_ekf, joint_angles, run, trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.ekf_seats import APART, SIZE
+from handscope.estimators.hand_anatomy import IS_DOF, JOINT, SEGMENT
+from handscope.estimators.methods import ekf
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG, Block, Stream
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import judged, recorded
+from handscope.estimators.simulation.magnetic_field import homogeneous, office
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.trajectory import Trajectory
 from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, with_samples
 
 WITHOUT = ekf.Params(gyr_reading="instant")

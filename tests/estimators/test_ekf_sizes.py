@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from estimators import ekf_hinges, ekf_rests, ekf_updates, ekf_verticals, initial_pose
-from estimators import quaternions as quat
-from estimators.ekf_updates import UpdateParams
-from estimators.quaternions import Array
+from handscope.estimators import ekf_hinges, ekf_rests, ekf_updates, ekf_verticals, initial_pose
+from handscope.estimators import quaternions as quat
+from handscope.estimators.ekf_updates import UpdateParams
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 NUMBERS = ekf_updates.numbers(UpdateParams())

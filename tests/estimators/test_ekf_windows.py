@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from estimators import ekf_windows
-from estimators import quaternions as quat
-from estimators.quaternions import Array
+from handscope.estimators import ekf_windows
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import ekf_seats, ekf_updates, finger_ekf, joint_angles
-from estimators import quaternions as quat
-from estimators.ekf_seats import Seats
-from estimators.finger_ekf import FilterParams, Samples, State
-from estimators.quaternions import Array
+from handscope.estimators import ekf_seats, ekf_updates, finger_ekf, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.ekf_seats import Seats
+from handscope.estimators.finger_ekf import FilterParams, Samples, State
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 RATE = 200.0

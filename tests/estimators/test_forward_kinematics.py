@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, CHILDREN, FINGER_JOINTS, FINGERS, FLEXION, JOINT, JOINTS, PARENTS, SEGMENT, side_sign
-from estimators.hand_geometry import sized
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, CHILDREN, FINGER_JOINTS, FINGERS, FLEXION, JOINT, JOINTS, PARENTS, SEGMENT, side_sign
+from handscope.estimators.hand_geometry import sized
 from tests.simulated import DEG
 
 ANGLES = arrays(float, (len(JOINTS), 3), elements=st.floats(-1.2, 1.2))

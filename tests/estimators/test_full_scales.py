@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import full_scales
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import IDEAL
-from estimators.trajectory import Flag
+from handscope.estimators import full_scales
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.estimators.trajectory import Flag
 from tests.simulated import DEG, INSTANT, with_samples
 
 STREAM = Stream("imu", ("hand", "index_distal"), (GYR, ACC), 100.0)

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import functional_calibration, initial_pose
-from estimators import quaternions as quat
-from estimators.functional_steps import STEPS
-from estimators.hand_anatomy import FINGERS, HANDS, JOINT, SEGMENTS, Hand
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.simulation import functional, tasks
-from estimators.simulation.functional import Carelessness
-from estimators.simulation.scenario import Simulated, performed
+from handscope.estimators import functional_calibration, initial_pose
+from handscope.estimators import quaternions as quat
+from handscope.estimators.functional_steps import STEPS
+from handscope.estimators.hand_anatomy import FINGERS, HANDS, JOINT, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.simulation.functional import Carelessness
+from handscope.estimators.simulation.scenario import Simulated, performed
 from tests.estimators.functional import ANYHOW, PERFECT, TURNED, done, errors_of, pieces, posed
 from tests.simulated import DEG
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import functional_steps
-from estimators.functional_steps import STEPS, Piece
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import Block
-from estimators.simulation import functional
-from estimators.simulation.functional import Carelessness
-from estimators.simulation.motion import posture, through
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.tasks import Performance, flat, relaxed
+from handscope.estimators import functional_steps
+from handscope.estimators.functional_steps import STEPS, Piece
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation import functional
+from handscope.estimators.simulation.functional import Carelessness
+from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.tasks import Performance, flat, relaxed
 from tests.estimators.functional import ANYHOW, done, pieces
 from tests.simulated import DEG
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.hand_anatomy import CHILDREN, DOF_NAMES, FINGER_JOINTS, JOINT, JOINTS, LIMITS, PARENTS, SEGMENTS, side_sign
+from handscope.estimators.hand_anatomy import CHILDREN, DOF_NAMES, FINGER_JOINTS, JOINT, JOINTS, LIMITS, PARENTS, SEGMENTS, side_sign
 from tests.simulated import DEG
 
 

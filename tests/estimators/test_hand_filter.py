@@ -5,18 +5,18 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from estimators import hand_filter
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT, Hand
-from estimators.hand_filter import HandFilterParams, HandPath
-from estimators.hand_geometry import sized
-from estimators.quaternions import Array
-from estimators.samples import Block
-from estimators.simulation import kinematics, tasks
-from estimators.simulation.motion import posture, through
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.simulation.tasks import Performance
+from handscope.estimators import hand_filter
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import SEGMENT, Hand
+from handscope.estimators.hand_filter import HandFilterParams, HandPath
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation import kinematics, tasks
+from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.simulation.tasks import Performance
 from tests.simulated import calibrated
 
 PARAMS = HandFilterParams(gyr_reading="instant")  # as the simulator reads rates

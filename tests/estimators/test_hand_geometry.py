@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, FINGERS
-from estimators.hand_geometry import RATIOS, HandMeasures, measures_from, root_joint, sized, table_of, with_found
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS
+from handscope.estimators.hand_geometry import RATIOS, HandMeasures, measures_from, root_joint, sized, table_of, with_found
 
 LENGTH = st.floats(0.14, 0.22)
 TABLES = st.fixed_dictionaries(

@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import hand_place, magnet_learning, magnet_streams
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_geometry import sized
-from estimators.hand_place import PlaceParams, Places, Setting
-from estimators.magnet_learning import Roughly
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block, Stream
-from estimators.simulation import magnet as sim
-from estimators.simulation import tasks
-from estimators.simulation.magnet import MagnetErrors, Motion
-from estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
-from estimators.simulation.scenario import performed
-from estimators.simulation.sensors import SensorErrors
-from estimators.simulation.trunk import TrunkGlove
-from estimators.trajectory import PlaceFlag
+from handscope.estimators import hand_place, magnet_learning, magnet_streams
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand_place import PlaceParams, Places, Setting
+from handscope.estimators.magnet_learning import Roughly
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Stream
+from handscope.estimators.simulation import magnet as sim
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.magnet import MagnetErrors, Motion
+from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
+from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.trunk import TrunkGlove
+from handscope.estimators.trajectory import PlaceFlag
 
 PARAMS = PlaceParams(gyr_reading="instant")
 CALIBRATED = MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06)  # what turning the plate leaves

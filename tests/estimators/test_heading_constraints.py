@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from estimators import heading_constraints, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.heading_constraints import DEG, HeadingParams
-from estimators.quaternions import Array
-from estimators.simulation.kinematics import of_motion
-from estimators.simulation.tasks import fist_and_stretch
+from handscope.estimators import heading_constraints, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.heading_constraints import DEG, HeadingParams
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.kinematics import of_motion
+from handscope.estimators.simulation.tasks import fist_and_stretch
 
 PARAMS = HeadingParams()
 TURN = 40 * DEG

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.hinge_axes import bending, common_rotation, of_two_clocks, principal_axis
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hinge_axes import bending, common_rotation, of_two_clocks, principal_axis
+from handscope.estimators.quaternions import Array
 from tests.simulated import DEG
 
 DT = 0.01

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.imu_calibration import CALIBRATED, ImuCalibration, after, apply, reach
-from estimators.quaternions import Array
-from estimators.rest_positions import RestParams, find, missing_positions, positions
-from estimators.samples import ACC, GYR, MAG
-from estimators.simulation.sensors import IDEAL
-from estimators.six_positions import Solved, SolveParams, solve
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.imu_calibration import CALIBRATED, ImuCalibration, after, apply, reach
+from handscope.estimators.quaternions import Array
+from handscope.estimators.rest_positions import RestParams, find, missing_positions, positions
+from handscope.estimators.samples import ACC, GYR, MAG
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.estimators.six_positions import Solved, SolveParams, solve
 from tests.laid_down import SIX, Readings, laid_down, many_positions
 
 PARAMS = SolveParams()

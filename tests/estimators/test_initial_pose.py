@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import initial_pose
-from estimators import quaternions as quat
-from estimators.calibration import Calibration
-from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.initial_pose import Pose
-from estimators.methods import m2
-from estimators.samples import GYR, MAG, Block, Event, Stream
-from estimators.simulation import tasks
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators import initial_pose
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.initial_pose import Pose
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import GYR, MAG, Block, Event, Stream
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG, calibrated, pose_and_wiggle, tracked, with_samples
 
 STILL = Pose(1.5, 3.0, (0.0, -45 * DEG, 60 * DEG))

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from estimators import joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import DEVIATION, FLEXION, IS_DOF, JOINT, JOINTS, LIMITS, PRONATION, SEGMENT, SEGMENTS
+from handscope.estimators import joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import DEVIATION, FLEXION, IS_DOF, JOINT, JOINTS, LIMITS, PRONATION, SEGMENT, SEGMENTS
 from tests.estimators.test_quaternions import SHAPES, assert_same_rotation
 from tests.simulated import DEG
 

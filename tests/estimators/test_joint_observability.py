@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import joint_observability as meter
-from estimators.joint_observability import Limb, Told
-from estimators.quaternions import Array
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.problem import Noise
-from estimators.simulation.scenario import Simulated
+from handscope.estimators import joint_observability as meter
+from handscope.estimators.joint_observability import Limb, Told
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.problem import Noise
+from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import looked, recorded, stiffened, watched
 
 ASKED = Asked()

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators import kalman, small_matrices
-from estimators.quaternions import Array
+from handscope.estimators import kalman, small_matrices
+from handscope.estimators.quaternions import Array
 
 
 def _covariance(rng: np.random.Generator, size: int) -> Array:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import ekf_deviations, forward_kinematics, joint_angles, length_errors
-from estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, JOINTS
-from estimators.hand_geometry import HandGeometry, HandMeasures, root_joint, sized
-from estimators.quaternions import Array
-from estimators.simulation import person
+from handscope.estimators import ekf_deviations, forward_kinematics, joint_angles, length_errors
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, IS_DOF, JOINTS
+from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, root_joint, sized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import person
 
 FEW_PERCENTS = 0.03
 MEASURED = HandMeasures(palm_length=0.083, hand_breadth=0.085, finger_length=dict.fromkeys(FINGERS, 0.09))

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import initial_pose, trajectory
-from estimators.hand_anatomy import SEGMENT
-from estimators.hand_geometry import sized
-from estimators.methods import b, m1
-from estimators.processing import process
-from estimators.samples import Block
-from estimators.simulation.magnetic_field import homogeneous
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators import initial_pose, trajectory
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import b, m1
+from handscope.estimators.processing import process
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.trajectory import Flag, Trajectory
 from tests.simulated import DEG
 
 PARAMS = m1.Params(gyr_reading="instant")

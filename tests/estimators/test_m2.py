@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import joint_angles, trajectory
-from estimators.hand_anatomy import CHILDREN, FINGERS, IS_DOF, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import MAG, Block, Stream
-from estimators.simulation import tasks
-from estimators.simulation.motion import posture, through
-from estimators.simulation.scenario import Simulated, performed, simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.simulation.tasks import Performance
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators import joint_angles, trajectory
+from handscope.estimators.hand_anatomy import CHILDREN, FINGERS, IS_DOF, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import MAG, Block, Stream
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.scenario import Simulated, performed, simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.trajectory import Flag, Trajectory
 from tests.simulated import (
     DEG,
     INSTANT,

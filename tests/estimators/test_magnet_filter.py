@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from estimators import magnet_filter as mf
-from estimators import quaternions as quat
-from estimators.compiled import looped
-from estimators.gravity import GRAVITY
-from estimators.magnet_inertial import pushed_alike, vertical
-from estimators.magnet_lateness import FB, LEARNT, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
-from estimators.magnet_options import MagnetParams, sizes
-from estimators.magnet_reading import read
-from estimators.quaternions import Array
-from estimators.simulation import magnet as sim
+from handscope.estimators import magnet_filter as mf
+from handscope.estimators import quaternions as quat
+from handscope.estimators.compiled import looped
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.magnet_inertial import pushed_alike, vertical
+from handscope.estimators.magnet_lateness import FB, LEARNT, SLOW, TELLS, VS, WAY, WB, earlier, settled, went_on
+from handscope.estimators.magnet_options import MagnetParams, sizes
+from handscope.estimators.magnet_reading import read
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import magnet as sim
 
 RNG = np.random.default_rng(7)
 SIZES = sizes(MagnetParams(gyr_reading="instant"))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from estimators import magnet_localisation as localisation
-from estimators import magnet_setup as setup
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.quaternions import Array
-from estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators import magnet_localisation as localisation
+from handscope.estimators import magnet_setup as setup
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, SIZE, FIELD = 0.2e-6, 0.32, np.array([0.0, 18.6e-6, -46.2e-6])
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03]])

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from estimators import magnet_search
-from estimators import magnet_setup as setup
-from estimators.magnet_search import Search, Searched
-from estimators.quaternions import Array
-from estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators import magnet_search
+from handscope.estimators import magnet_setup as setup
+from handscope.estimators.magnet_search import Search, Searched
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, CALIBRATION, FIELD = 0.2e-6, 0.1e-6, np.array([0.0, 18.6e-6, -46.2e-6])
 PLACES = np.array([[x, y, 0.0] for x in (-0.06, -0.02, 0.02, 0.06) for y in (-0.04, 0.0, 0.04)])

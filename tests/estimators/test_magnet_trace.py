@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators.magnet_filter import OWN
-from estimators.magnet_trace import Trace, alone, beside, foreseen, traced
+from handscope.estimators.magnet_filter import OWN
+from handscope.estimators.magnet_trace import Trace, alone, beside, foreseen, traced
 
 MANY = OWN + 10  # errors, the last ten of which do not move
 

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from estimators import magnet_setup, magnet_smoothing, magnetometer_sphere
-from estimators import magnet_tracking as tracking
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.magnet_filter import XL
-from estimators.magnet_options import MagnetParams
-from estimators.magnet_smoothing import smoothed
-from estimators.magnet_start import Setup
-from estimators.magnet_tracking import Readings, Track
-from estimators.quaternions import Array
-from estimators.simulation import magnet as sim
-from estimators.simulation.magnet import Motion
-from estimators.simulation.magnetic_field import EARTH, MagneticField, homogeneous
+from handscope.estimators import magnet_setup, magnet_smoothing, magnetometer_sphere
+from handscope.estimators import magnet_tracking as tracking
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet_filter import XL
+from handscope.estimators.magnet_options import MagnetParams
+from handscope.estimators.magnet_smoothing import smoothed
+from handscope.estimators.magnet_start import Setup
+from handscope.estimators.magnet_tracking import Readings, Track
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import magnet as sim
+from handscope.estimators.simulation.magnet import Motion
+from handscope.estimators.simulation.magnetic_field import EARTH, MagneticField, homogeneous
 
 PARAMS = MagnetParams(gyr_reading="instant")  # as the simulator reads rates
 MM = 1e3

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from estimators import magnet_alike, magnet_fit, magnet_search, magnet_uneven
-from estimators import magnet_setup as setup
-from estimators import quaternions as quat
-from estimators.magnet_search import Search, Searched
-from estimators.quaternions import Array
-from estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators import magnet_alike, magnet_fit, magnet_search, magnet_uneven
+from handscope.estimators import magnet_setup as setup
+from handscope.estimators import quaternions as quat
+from handscope.estimators.magnet_search import Search, Searched
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.magnetic_field import MagneticField
 
 NOISE, FIELD = 0.2e-6, np.array([0.0, 18.6e-6, -46.2e-6])
 NINE = np.array([[x, y, 0.0] for x in (-0.05, 0.0, 0.05) for y in (-0.05, 0.0, 0.05)])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from estimators import magnetometer_plate as plate
-from estimators import magnetometer_sphere as sphere
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.imu_calibration import apply
-from estimators.quaternions import Array
-from estimators.samples import MAG
-from estimators.simulation import magnet
-from estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators import magnetometer_plate as plate
+from handscope.estimators import magnetometer_sphere as sphere
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.imu_calibration import apply
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import MAG
+from handscope.estimators.simulation import magnet
+from handscope.estimators.simulation.magnetic_field import homogeneous
 
 STRENGTH, NOISE = 49.8e-6, 0.2e-6
 BROAD = Path(os.environ.get("HANDSCOPE_BROAD") or "data/broad")

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_anatomy import FLEXION, JOINT
-from estimators.methods import BATCH
-from estimators.options import describe
-from estimators.processing import Processed, process
-from estimators.samples import Block, Event
-from estimators.simulation import artificial_finger
-from estimators.simulation.artificial_finger import SEGMENTS
-from estimators.simulation.scenario import Simulated
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FLEXION, JOINT
+from handscope.estimators.methods import BATCH
+from handscope.estimators.options import describe
+from handscope.estimators.processing import Processed, process
+from handscope.estimators.samples import Block, Event
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.artificial_finger import SEGMENTS
+from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import recorded, stiffened, watched
 
 DEG = np.pi / 180

@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators import methods, trajectory
-from estimators.calibration import Calibration
-from estimators.hand_anatomy import CHAINS, JOINT, SEGMENT
-from estimators.methods import map_live
-from estimators.samples import Block
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators import methods, trajectory
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_anatomy import CHAINS, JOINT, SEGMENT
+from handscope.estimators.methods import map_live
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import Flag, Trajectory
 from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, with_samples
 
 WORN = ("hand", "index", "forearm")

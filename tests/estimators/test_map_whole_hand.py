@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, JOINT
-from estimators.hand_geometry import HandGeometry, sized
-from estimators.methods import BATCH
-from estimators.processing import Processed, process
-from estimators.quaternions import Array
-from estimators.self_calibration import hand_solver, segments, solver, steadiness
-from estimators.self_calibration.hand_problem import TURN_AND_SLIDE
-from estimators.self_calibration.hand_solver import HandSolution
-from estimators.self_calibration.problem import columns
-from estimators.self_calibration.solver import Solution
-from estimators.simulation import free_movement
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import SensorErrors
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import CHAINS, DEVIATION, FINGERS, FLEXION, JOINT
+from handscope.estimators.hand_geometry import HandGeometry, sized
+from handscope.estimators.methods import BATCH
+from handscope.estimators.processing import Processed, process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import hand_solver, segments, solver, steadiness
+from handscope.estimators.self_calibration.hand_problem import TURN_AND_SLIDE
+from handscope.estimators.self_calibration.hand_solver import HandSolution
+from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.simulation import free_movement
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
 from tests.estimators.self_calibration.fingers import watched
 
 DEG = np.pi / 180

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.qualisys import read_markers
-from estimators import joint_angles, marker_clusters
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS, Hand
-from estimators.marker_clusters import FlatPose, Markers
-from estimators.measures.comparison import tip_distance
+from handscope.app.qualisys import read_markers
+from handscope.estimators import joint_angles, marker_clusters
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS, JOINT, JOINTS, PARENTS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.marker_clusters import FlatPose, Markers
+from handscope.estimators.measures.comparison import tip_distance
 from tests.estimators.measures.movements import movement
 from tests.simulated import DEG
 

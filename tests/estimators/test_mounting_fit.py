@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from estimators import functional_calibration, mounting_fit
-from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINTS, Hand
-from estimators.methods import m2
+from handscope.estimators import functional_calibration, mounting_fit
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import JOINTS, Hand
+from handscope.estimators.methods import m2
 from tests.estimators.functional import PERFECT, TURNED, done, errors_of, pieces, posed
 from tests.simulated import DEG
 

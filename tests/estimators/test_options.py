@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from estimators.options import describe, option
+from handscope.estimators.options import describe, option
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.calibration import Known
-from estimators.errors import InputError
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.samples import Block, Event
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators import quaternions as quat
+from handscope.estimators.calibration import Known
+from handscope.estimators.errors import InputError
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.samples import Block, Event
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import IDEAL
 from tests.simulated import DEG, INSTANT, assert_same, pose_and_wiggle, tracked, with_samples
 
 PARAMS = INSTANT

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from estimators import quaternions as quat
+from handscope.estimators import quaternions as quat
 
 SHAPES = [(), (1,), (3, 1, 2, 1)]
 EDGES = [0.0, 1e-300, 1e-12, 0.9e-8, 1.1e-8, 1e-5, 1.5e-3, np.pi / 2, np.pi - 1e-9, np.pi, np.pi + 1e-9, 2 * np.pi - 1e-9]

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import initial_pose, run, trajectory
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import Block
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators import initial_pose, run, trajectory
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL
 from tests.simulated import DEG, INSTANT, STRIPS, Samples, assert_same, calibrated, in_strips, pose_and_wiggle, tracked
 
 

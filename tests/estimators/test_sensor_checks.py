@@ -7,20 +7,20 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.finding import Finding
-from estimators.hand_anatomy import CHAINS, SEGMENT
-from estimators.hand_geometry import sized
-from estimators.imu_calibration import ImuCalibration, apply
-from estimators.methods import b, m2
-from estimators.processing import calibrate, findings_of, process
-from estimators.quaternions import Array
-from estimators.samples import ACC, GYR, MAG, Block
-from estimators.simulation import tasks
-from estimators.simulation.magnetic_field import homogeneous
-from estimators.simulation.scenario import Simulated, simulate
-from estimators.simulation.sensors import IDEAL, LSM330DLC_HMC5983, SensorErrors
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators.finding import Finding
+from handscope.estimators.hand_anatomy import CHAINS, SEGMENT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.imu_calibration import ImuCalibration, apply
+from handscope.estimators.methods import b, m2
+from handscope.estimators.processing import calibrate, findings_of, process
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, GYR, MAG, Block
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.magnetic_field import homogeneous
+from handscope.estimators.simulation.scenario import Simulated, simulate
+from handscope.estimators.simulation.sensors import IDEAL, LSM330DLC_HMC5983, SensorErrors
+from handscope.estimators.trajectory import Flag
 from tests.simulated import in_strips
 
 TASKS = [name for name in tasks.TASKS if name != "initial_pose"]

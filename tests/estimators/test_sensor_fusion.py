@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import quaternions as quat
-from estimators import sensor_fusion
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.sensor_fusion import FusionParams, Oriented
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators import sensor_fusion
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.sensor_fusion import FusionParams, Oriented
+from handscope.estimators.trajectory import Flag
 from tests.simulated import DEG, cut
 
 RATE, N = 100.0, 300

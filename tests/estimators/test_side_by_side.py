@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from estimators import side_by_side
-from estimators.errors import InputError
+from handscope.estimators import side_by_side
+from handscope.estimators.errors import InputError
 
 
 def _patient(piece: threading.Event, hear: Callable[[float], None]) -> str:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators import time_base
-from estimators.hand_anatomy import SEGMENT
-from estimators.samples import ACC, GYR, MAG, Block, Stream
-from estimators.sensor_fusion import Oriented
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators import time_base
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Stream
+from handscope.estimators.sensor_fusion import Oriented
+from handscope.estimators.trajectory import Flag
 from tests.simulated import DEG
 
 HAND = Stream("hand", ("hand",), (GYR, ACC), 100.0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators import trajectory
-from estimators.simulation.scenario import Simulated
+from handscope.estimators import trajectory
+from handscope.estimators.simulation.scenario import Simulated
 from tests.simulated import assert_same
 
 

@@ -5,8 +5,8 @@ from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
 from typing import Any
 
-from estimators.methods import METHODS
-from sessions import tables
+from handscope.estimators.methods import METHODS
+from handscope.sessions import tables
 
 CLOCK, FAILS = "clock", "fails"  # s by which the wall clock is off; there while the method fails
 

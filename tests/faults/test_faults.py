@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from sqlalchemy import select
 
-from sessions import native, records
-from sessions.store import open_store
-from sessions.tables import RecordingFile
+from handscope.sessions import native, records
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import RecordingFile
 from tests.app.devices.virtual import virtual_glove
 from tests.faults.disturbing import CLOCK, FAILS
 from tests.faults.victim import Victim, wait_for

@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.benchmarks import live
-from app.benchmarks.server_under_test import Client, begin_tasks, glove, server
-from app.live import tracking as live_tracking
-from app.live.tracking import Tracking
-from estimators import initial_pose
-from estimators.hand_anatomy import SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import Block
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import IDEAL
-from sessions.recorder import Recorder
-from sessions.wire.assembly import Assembler
-from sessions.wire.framing import Encoder
-from sessions.wire.messages import Message
+from handscope.app.benchmarks import live
+from handscope.app.benchmarks.server_under_test import Client, begin_tasks, glove, server
+from handscope.app.live import tracking as live_tracking
+from handscope.app.live.tracking import Tracking
+from handscope.estimators import initial_pose
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Message
 from tests.app.devices.virtual import wait_for
 from tests.glove import NS, ON, bursts, identity, info, strip
 from tests.simulated import INSTANT, strips_of

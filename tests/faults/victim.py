@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from app.api.access import new_token
-from app.working_process import heed_the_server_alone
+from handscope.app.api.access import new_token
+from handscope.app.working_process import heed_the_server_alone
 from tests import fork_server
 from tests.faults import disturbing
 
@@ -108,7 +108,7 @@ def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:
 
 
 def _serve(data: Path, words: tuple[str, ...]) -> None:
-    from app.cli import main
+    from handscope.app.cli import main
 
     heed_the_server_alone()
     fork_server.share()

@@ -19,15 +19,15 @@ from typing import Any
 
 from cobs import cobs
 
-from app import protocols
-from app.qualisys import BACK, ELBOWS
-from app.qualisys import read_markers as read_table
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS
-from sessions import backup, formats
-from sessions.c3d import read_markers
-from sessions.store import open_store
-from sessions.wire.assembly import Assembler
+from handscope.app import protocols
+from handscope.app.qualisys import BACK, ELBOWS
+from handscope.app.qualisys import read_markers as read_table
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.sessions import backup, formats
+from handscope.sessions.c3d import read_markers
+from handscope.sessions.store import open_store
+from handscope.sessions.wire.assembly import Assembler
 from tests.bids import dataset
 from tests.glove import frames, whole_session
 from tests.simulated import cut, in_strips
@@ -123,7 +123,7 @@ def _pieces() -> list[bytes]:
 
 
 def _recorded() -> list[bytes]:
-    from sessions.recorder import Recorder
+    from handscope.sessions.recorder import Recorder
 
     with tempfile.TemporaryDirectory() as folder:
         with Recorder(Path(folder) / "r.mcap", {"hand": "left", "geometry": {"hand_length": 0.19}}, 100.0) as recorder:

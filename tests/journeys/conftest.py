@@ -26,7 +26,7 @@ SELDOM = """
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data = tmp_path_factory.mktemp("journeys")
-    words = [sys.executable, "-m", "app.cli", "demo", "--no-browser", "--port", "0", "--data", str(data)]
+    words = [sys.executable, "-P", "-m", "handscope.app.cli", "demo", "--no-browser", "--port", "0", "--data", str(data)]
     log = data / "errors.log"
     with log.open("w") as errors, subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
         assert process.stdout is not None
@@ -127,7 +127,7 @@ def patient(page: Page) -> int:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated tapping recording as a Motion-BIDS zip."""
     path = tmp_path_factory.mktemp("recordings") / "tapping.zip"
-    words = [sys.executable, "-m", "app.cli", "simulate", "tapping", "--hand", "left", "--out", str(path)]
+    words = [sys.executable, "-P", "-m", "handscope.app.cli", "simulate", "tapping", "--hand", "left", "--out", str(path)]
     subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return path
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.benchmarks.server_under_test import glove
+from handscope.app.benchmarks.server_under_test import glove
 from tests.journeys.house import LONG, ROOT, Server, act, end_session, figure, keep_picture, name_port, new_patient, shown
 
 pytestmark = pytest.mark.browser
@@ -55,7 +55,7 @@ def test_a_glove_calibrated_by_hand_weighs_right(another_page: Callable[..., Pag
         end_session(page)
         for finger in ("thumb", "index"):
             words = ["calibrate-force", str(_loads(tmp_path)), "--finger", finger, "--keep", str(port), "--data", str(server.data)]
-            subprocess.run([sys.executable, "-m", "app.cli", *words], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([sys.executable, "-P", "-m", "handscope.app.cli", *words], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         _begin(page, patient_page, port)
         expect(told).to_contain_text("Force sensors calibrated: thumb, index finger")
         told.scroll_into_view_if_needed()

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.version import software_version
-from sessions import results
-from sessions.store import store_at
-from sessions.tables import PatientSession, Result
+from handscope.app.version import software_version
+from handscope.sessions import results
+from handscope.sessions.store import store_at
+from handscope.sessions.tables import PatientSession, Result
 from tests.journeys.house import Server, api, keep_picture, new_patient, shown
 
 pytestmark = pytest.mark.browser

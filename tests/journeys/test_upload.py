@@ -133,7 +133,7 @@ DOUBTED = {  # task with its options, the file that is changed, how, what the pa
 def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(page: Page, patient: int, tmp_path: Path, task: str) -> None:
     options, file, change, beside, trust = DOUBTED[task]
     path = tmp_path / f"{task}.zip"
-    words = [sys.executable, "-m", "app.cli", "simulate", task, "--hand", "left", *options, "--out", str(path)]
+    words = [sys.executable, "-P", "-m", "handscope.app.cli", "simulate", task, "--hand", "left", *options, "--out", str(path)]
     subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     upload(page, path.name, _changed(path.read_bytes(), file, change))
     page.wait_for_url("**/sessions/*")

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from estimators.hand_geometry import sized
-from estimators.samples import ACC, GYR, Block, Stream
-from sessions.absences import SHORTEST, absences
-from sessions.recording import LoadedRecording
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.sessions.absences import SHORTEST, absences
+from handscope.sessions.recording import LoadedRecording
 
 RATE = 100.0  # Hz
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import quaternions as quat
-from estimators.samples import ACC, GYR, MAG, Block, Event, join
-from sessions.wire import messages as wire
-from sessions.wire.assembly import WAITING, Assembler, StreamCount
-from sessions.wire.framing import Encoder
-from sessions.wire.messages import Format, Mark, Message, Pong, Samples
+from handscope.estimators import quaternions as quat
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Event, join
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import WAITING, Assembler, StreamCount
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Format, Mark, Message, Pong, Samples
 from tests.glove import NS, ON, Sent, as_float32, bursts, frames, identity, info, strip, whole_session
 from tests.sessions.test_messages import ANY
 from tests.simulated import cut, in_strips

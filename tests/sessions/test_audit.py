@@ -10,12 +10,12 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy.exc import DatabaseError
 
-from estimators.errors import InputError
-from sessions import accounts, audit, notes, patients
-from sessions.audit import Happened, Verdict
-from sessions.database import connected, upgrade
-from sessions.store import Store, open_store
-from sessions.tables import AuditLine, Base, Patient
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, notes, patients
+from handscope.sessions.audit import Happened, Verdict
+from handscope.sessions.database import connected, upgrade
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import AuditLine, Base, Patient
 from tests.postgres import empty_database, server
 
 WRITERS, EACH = 4, 8

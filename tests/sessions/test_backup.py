@@ -15,12 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import MetaData, create_engine, select, text
 
-from estimators.errors import InputError
-from sessions import accounts, audit, backup, database_dump, erasing, notes, patients
-from sessions.database import FILE, connected, upgrade
-from sessions.native import file_checksum
-from sessions.store import Store, open_store
-from sessions.tables import Login, Note, Patient, PatientSession, RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, audit, backup, database_dump, erasing, notes, patients
+from handscope.sessions.database import FILE, connected, upgrade
+from handscope.sessions.native import file_checksum
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Login, Note, Patient, PatientSession, RecordingFile, Result
 from tests import postgres
 
 

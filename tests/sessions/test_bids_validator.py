@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sessions import motion_bids
+from handscope.sessions import motion_bids
 from tests.bids import BASE, dataset, folder, recording, with_line
 
 VALIDATOR = Path(sysconfig.get_path("scripts")) / "bids-validator-deno"

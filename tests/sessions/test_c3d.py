@@ -9,8 +9,8 @@ import c3d
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from sessions.c3d import read_markers
+from handscope.estimators.errors import InputError
+from handscope.sessions.c3d import read_markers
 
 NAMES = ("hand_1", "hand_2", "index_tip")
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from sessions import calibration_result
-from sessions.derivative import calibration_table
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.sessions import calibration_result
+from handscope.sessions.derivative import calibration_table
 from tests.simulated import calibrated, pose_and_wiggle
 
 TOLD, NOT_TOLD = np.radians([0.1, 0.1, 0.5]), np.radians([0.1, 0.1, 5.0])

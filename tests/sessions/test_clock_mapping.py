@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sessions.clock_mapping import WINDOW, ClockMap
+from handscope.sessions.clock_mapping import WINDOW, ClockMap
 
 PPM = 1e-6
 DRIFT = st.floats(-100 * PPM, 100 * PPM)

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from estimators.samples import Event
-from sessions import corrections, results, trunk_height, visit_facts
-from sessions.store import open_store
-from sessions.tables import Patient, PatientSession, RecordingFile, Repeatability, Result
-from sessions.visit_facts import TrunkHeight
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import Event
+from handscope.sessions import corrections, results, trunk_height, visit_facts
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import Patient, PatientSession, RecordingFile, Repeatability, Result
+from handscope.sessions.visit_facts import TrunkHeight
 from tests.simulated import loaded, pose_and_wiggle
 
 TRIALS = [

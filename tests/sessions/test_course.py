@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from sqlalchemy.orm import Session
 
-from sessions.course import course
-from sessions.tables import Result
+from handscope.sessions.course import course
+from handscope.sessions.tables import Result
 from tests.sessions.test_repeatability import MAY, PIP, db, patient, visit
 
 __all__ = ["db", "visit"]

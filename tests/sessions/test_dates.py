@@ -2,8 +2,8 @@
 
 from datetime import UTC, datetime, timedelta
 
-from sessions import dates
-from sessions.tables import Patient, PatientSession, RecordingFile
+from handscope.sessions import dates
+from handscope.sessions.tables import Patient, PatientSession, RecordingFile
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 DAY = timedelta(days=1)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import DOF_NAMES, FINGERS, SEGMENT, SEGMENTS
-from estimators.methods import m2
-from estimators.processing import process
-from sessions import derivative, formats, motion_bids
-from sessions.motion_bids.truth import truth_files
-from sessions.recording import LoadedRecording
+from handscope.estimators.hand_anatomy import DOF_NAMES, FINGERS, SEGMENT, SEGMENTS
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.sessions import derivative, formats, motion_bids
+from handscope.sessions.motion_bids.truth import truth_files
+from handscope.sessions.recording import LoadedRecording
 from tests.bids import Files, folder
 from tests.sessions.test_bids_validator import faults
 from tests.simulated import in_strips, loaded, with_samples

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
-from estimators.hand_geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
-from estimators.samples import TRACKED_POINTS, TRUNK_MAGNETOMETERS
-from estimators.trajectory import Flag, ForceFlag, PlaceFlag
-from sessions.motion_bids import files
-from sessions.motion_bids.reader import TORQUES, UNITS
-from sessions.recorder import CHANNELS, FORMAT_VERSION
-from sessions.wire import framing, messages
-from sessions.wire.assembly import WAITING
-from sessions.wire.messages import Ping, ReplyCode
+from handscope.estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
+from handscope.estimators.hand_geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
+from handscope.estimators.samples import TRACKED_POINTS, TRUNK_MAGNETOMETERS
+from handscope.estimators.trajectory import Flag, ForceFlag, PlaceFlag
+from handscope.sessions.motion_bids import files
+from handscope.sessions.motion_bids.reader import TORQUES, UNITS
+from handscope.sessions.recorder import CHANNELS, FORMAT_VERSION
+from handscope.sessions.wire import framing, messages
+from handscope.sessions.wire.assembly import WAITING
+from handscope.sessions.wire.messages import Ping, ReplyCode
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = {name: (DOCS / f"{name}.md").read_text() for name in ("wire-protocol", "recording", "motion-bids", "conventions")}

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, select
 
-from estimators.errors import InputError
-from sessions import audit, erasing, notes, patients, records
-from sessions.motion_bids import writer
-from sessions.store import Store, open_store
-from sessions.tables import Base, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import audit, erasing, notes, patients, records
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Base, ErasedFile, Patient, PatientSession, RecordingFile, Result
 from tests.simulated import loaded, pose_and_wiggle
 
 

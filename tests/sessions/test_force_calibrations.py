@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.samples import FORCE, Block, Stream, join
-from sessions import force_calibrations, native
-from sessions.recorder import Recorder
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler
-from sessions.wire.force_told import ForceTold
-from sessions.wire.framing import Encoder
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import FORCE, Block, Stream, join
+from handscope.sessions import force_calibrations, native
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.framing import Encoder
 from tests.glove import bursts, frames, identity
 
 POINTS = ("thumb_tip_force", "index_tip_force")

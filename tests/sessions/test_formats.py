@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from sessions import formats, motion_bids
-from sessions.recorder import Recorder
-from sessions.recording import LoadedRecording
+from handscope.estimators.errors import InputError
+from handscope.sessions import formats, motion_bids
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.recording import LoadedRecording
 from tests.glove import as_float32, frames, whole_session
 from tests.simulated import DEG, calibrated, in_strips, loaded, tracked, with_samples
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from estimators.hand_anatomy import FLEXION, JOINT
-from estimators.measures.assessment import assess
-from sessions.frames import figures, frame, movement
+from handscope.app.cli import main
+from handscope.estimators.hand_anatomy import FLEXION, JOINT
+from handscope.estimators.measures.assessment import assess
+from handscope.sessions.frames import figures, frame, movement
 from tests.simulated import DEG, pose_and_wiggle
 
 ROOT = Path(__file__).parents[2]

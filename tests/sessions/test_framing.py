@@ -9,9 +9,9 @@ from cobs import cobs
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sessions.wire.framing import LONGEST, Counters, Decoder, Encoder
-from sessions.wire.messages import Identity, Message, Ping, Samples
-from sessions.wire.stuffing import unstuffed
+from handscope.sessions.wire.framing import LONGEST, Counters, Decoder, Encoder
+from handscope.sessions.wire.messages import Identity, Message, Ping, Samples
+from handscope.sessions.wire.stuffing import unstuffed
 from tests.glove import identity
 from tests.sessions.test_messages import ANY
 

@@ -8,13 +8,13 @@ import fsspec
 import pytest
 from sqlalchemy import select
 
-from estimators.errors import InputError
-from sessions import backup, erasing, kept_files, object_storage, patients
-from sessions.kept_files import Round
-from sessions.native import file_checksum
-from sessions.object_storage import UnreachableError
-from sessions.store import Store, open_store, store_at
-from sessions.tables import ErasedFile, PatientSession, RecordingFile, Result
+from handscope.estimators.errors import InputError
+from handscope.sessions import backup, erasing, kept_files, object_storage, patients
+from handscope.sessions.kept_files import Round
+from handscope.sessions.native import file_checksum
+from handscope.sessions.object_storage import UnreachableError
+from handscope.sessions.store import Store, open_store, store_at
+from handscope.sessions.tables import ErasedFile, PatientSession, RecordingFile, Result
 from tests import object_store
 from tests.object_store import S3Server
 

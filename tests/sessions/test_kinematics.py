@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators import joint_angles
-from estimators.errors import InputError
-from estimators.hand_anatomy import JOINT
-from estimators.quaternions import Array
-from sessions.motion_bids import kinematics
-from sessions.motion_bids.kinematics import Kinematics
-from sessions.trajectory_table import channels_of, table_of
+from handscope.estimators import joint_angles
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import JOINT
+from handscope.estimators.quaternions import Array
+from handscope.sessions.motion_bids import kinematics
+from handscope.sessions.motion_bids.kinematics import Kinematics
+from handscope.sessions.trajectory_table import channels_of, table_of
 from tests.simulated import DEG, pose_and_wiggle, tracked
 
 Column = tuple[str, str, str, str, str, Array]  # name, component, type, tracked point, units, values

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from argon2 import PasswordHasher
 
-from estimators.errors import InputError
-from sessions import accounts, logins
-from sessions.logins import MOST_OF_ACCOUNT, MOST_OF_ADDRESS, WINDOW, ThrottledError
-from sessions.store import Store, open_store
-from sessions.tables import Attempt
+from handscope.estimators.errors import InputError
+from handscope.sessions import accounts, logins
+from handscope.sessions.logins import MOST_OF_ACCOUNT, MOST_OF_ADDRESS, WINDOW, ThrottledError
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Attempt
 
 GOOD = "seven hands on a table"
 

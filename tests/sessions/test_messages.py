@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.magnet_plate import Plate
-from estimators.samples import ACC, GYR, TRACKED_POINTS
-from sessions.wire import messages as wire
-from sessions.wire.force_told import ForceTold
-from sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
-from sessions.wire.sample_values import data_of, fits, values_of
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.samples import ACC, GYR, TRACKED_POINTS
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.messages import BadPayloadError, Format, Message, decode, encode
+from handscope.sessions.wire.sample_values import data_of, fits, values_of
 
 BYTE, SHORT, LONG = st.integers(0, 2**8 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 REAL = st.floats(width=32, allow_nan=False, allow_infinity=False)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Event
-from sessions import motion_bids
-from sessions.motion_bids import reader
-from sessions.number_table import NumberTable
-from sessions.recording import LoadedRecording
+from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Event
+from handscope.sessions import motion_bids
+from handscope.sessions.motion_bids import reader
+from handscope.sessions.number_table import NumberTable
+from handscope.sessions.recording import LoadedRecording
 from tests.bids import BASE, PLATE, Files, N, dataset, folder, packed, recording, with_line, with_sidecar, with_text, without
 
 TIDY = (Event(0.05, 0.1, "initial_pose", {"thumb_cmc_flexion_deg": 0.0, "thumb_cmc_deviation_deg": -45.0, "thumb_cmc_pronation_deg": 60.0}),

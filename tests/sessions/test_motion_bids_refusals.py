@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.errors import InputError
-from sessions import motion_bids
+from handscope.estimators.errors import InputError
+from handscope.sessions import motion_bids
 from tests.bids import BASE, Files, dataset, folder, packed, recording, with_line, with_sidecar, with_text, without
 
 Break = Callable[[Files], Files]
@@ -302,9 +302,9 @@ def test_a_zip_bomb_is_not_opened(tmp_path: Path) -> None:
 
 
 def test_a_zip_of_too_many_or_too_large_files_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sessions.motion_bids.files.MOST_BYTES", 1000)
+    monkeypatch.setattr("handscope.sessions.motion_bids.files.MOST_BYTES", 1000)
     assert "split the recording" in _zip_refusal(tmp_path, packed(dataset()))
-    monkeypatch.setattr("sessions.motion_bids.files.MOST_FILES", 3)
+    monkeypatch.setattr("handscope.sessions.motion_bids.files.MOST_FILES", 3)
     assert "more than 3" in _zip_refusal(tmp_path, packed(dataset()))
     with pytest.raises(InputError, match="more than 3"):
         motion_bids.load(folder(dataset(), tmp_path / "folder"))

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from estimators.errors import InputError
-from estimators.magnet_plate import Plate
-from estimators.samples import Event
-from sessions import formats, native
-from sessions.recorder import FORMAT_VERSION, Recorder
-from sessions.wire.framing import Encoder
-from sessions.wire.messages import Format, Mark
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.samples import Event
+from handscope.sessions import formats, native
+from handscope.sessions.recorder import FORMAT_VERSION, Recorder
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Format, Mark
 from tests.glove import NS, ON, as_float32, frames, identity, info, strip, whole_session
 from tests.simulated import cut, in_strips
 

@@ -9,9 +9,9 @@ from alembic import command
 from alembic.config import Config
 from sqlalchemy import create_engine, select, text
 
-from sessions import database, notes, patients
-from sessions.store import open_store
-from sessions.tables import Note, Patient
+from handscope.sessions import database, notes, patients
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import Note, Patient
 
 
 def test_a_removed_note_is_forgotten_when_it_cannot_be_brought_back_any_more(tmp_path: Path) -> None:

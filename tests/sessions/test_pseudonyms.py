@@ -2,7 +2,7 @@
 
 import pytest
 
-from sessions.pseudonyms import DOUBTS, doubts
+from handscope.sessions.pseudonyms import DOUBTS, doubts
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from estimators.samples import Event
-from sessions import native
-from sessions.recorder import SYNC_EVERY, Recorder
+from handscope.estimators.samples import Event
+from handscope.sessions import native
+from handscope.sessions.recorder import SYNC_EVERY, Recorder
 
 BEGAN = datetime(2025, 3, 1, 12, 0, 0, tzinfo=UTC)
 
@@ -102,7 +102,7 @@ def test_an_existing_recording_is_never_written_over(tmp_path: Path) -> None:
 
 def test_each_message_is_handed_to_the_system_at_once_and_to_the_disk_every_second(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     synced: list[int] = []
-    monkeypatch.setattr("sessions.recorder.os.fsync", synced.append)
+    monkeypatch.setattr("handscope.sessions.recorder.os.fsync", synced.append)
     path = tmp_path / "a.mcap"
     recorder = Recorder(path, {"hand": "left"}, 0.0)
     for k in range(1, 31):

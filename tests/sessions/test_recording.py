@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.errors import InputError
-from estimators.samples import ACC, GYR, MAG, Block, Event, Stream, join
-from sessions.recording import SLICE, LoadedRecording, require_samples
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import ACC, GYR, MAG, Block, Event, Stream, join
+from handscope.sessions.recording import SLICE, LoadedRecording, require_samples
 from tests.simulated import in_strips, loaded
 
 

@@ -14,10 +14,10 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, inspect, select, text
 from sqlalchemy.orm import Session
 
-from sessions import database
-from sessions.repeatability import ENOUGH, comparison, enough
-from sessions.store import open_store
-from sessions.tables import Base, Patient, PatientSession, RecordingFile, Repeatability, Result
+from handscope.sessions import database
+from handscope.sessions.repeatability import ENOUGH, comparison, enough
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import Base, Patient, PatientSession, RecordingFile, Repeatability, Result
 
 MAY = datetime(2026, 5, 12, 9, tzinfo=UTC)
 PIP = ("range_of_motion", "rom_fist", "index_pip_flexion_max")

@@ -12,14 +12,14 @@ import pytest
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.methods import OFFERED
-from sessions import audit, erasing, patient_export, results, self_calibrations
-from sessions.derivative import calibration_table
-from sessions.self_calibrations import Found
-from sessions.store import Store, open_store
-from sessions.tables import Patient, PatientSession, RecordingFile, Reuse, SelfCalibration
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.methods import OFFERED
+from handscope.sessions import audit, erasing, patient_export, results, self_calibrations
+from handscope.sessions.derivative import calibration_table
+from handscope.sessions.self_calibrations import Found
+from handscope.sessions.store import Store, open_store
+from handscope.sessions.tables import Patient, PatientSession, RecordingFile, Reuse, SelfCalibration
 from tests.simulated import calibrated, pose_and_wiggle
 
 SURE = np.radians([0.1, 0.1, 0.5])

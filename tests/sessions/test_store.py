@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from estimators.errors import InputError
-from sessions.database import connected
-from sessions.store import open_store
+from handscope.estimators.errors import InputError
+from handscope.sessions.database import connected
+from handscope.sessions.store import open_store
 
 
 @pytest.mark.parametrize("why", [errno.EROFS, errno.ENOSPC, errno.EACCES])

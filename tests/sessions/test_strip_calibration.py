@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators.imu_calibration import ImuCalibration, apply
-from estimators.samples import ACC, FORCE, GYR, TORQUE, Block, Stream, join
-from sessions import native
-from sessions.recorder import Recorder
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler, correction_of, message_of
-from sessions.wire.force_told import ForceTold
-from sessions.wire.framing import Encoder
+from handscope.estimators.imu_calibration import ImuCalibration, apply
+from handscope.estimators.samples import ACC, FORCE, GYR, TORQUE, Block, Stream, join
+from handscope.sessions import native
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
+from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.framing import Encoder
 from tests.estimators.test_imu_calibration import drawn
 from tests.glove import as_float32, bursts, frames, identity, info, strip
 from tests.simulated import STRIPS, cut, in_strips

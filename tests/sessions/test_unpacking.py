@@ -10,9 +10,9 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Message
 
-from estimators.errors import InputError
-from sessions import formats, native
-from sessions.recorder import CHANNELS, Recorder
+from handscope.estimators.errors import InputError
+from handscope.sessions import formats, native
+from handscope.sessions.recorder import CHANNELS, Recorder
 
 MB = 2**20
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy.orm import Session
 
-from estimators.errors import InputError
-from sessions import dates, patients, visit_facts
-from sessions.conflicts import ConflictError
-from sessions.store import open_store
-from sessions.tables import PatientSession, now
+from handscope.estimators.errors import InputError
+from handscope.sessions import dates, patients, visit_facts
+from handscope.sessions.conflicts import ConflictError
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import PatientSession, now
 
 WRONG, RIGHT = datetime(2019, 1, 1, 0, 4, tzinfo=UTC), datetime(2026, 5, 12, 9, 30, tzinfo=UTC)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from estimators.errors import InputError
-from sessions.writing import save_file, save_folder
+from handscope.estimators.errors import InputError
+from handscope.sessions.writing import save_file, save_folder
 
 
 def _content(place: Path) -> dict[str, bytes]:
@@ -42,7 +42,7 @@ def test_a_file_is_replaced_at_once_and_a_failure_leaves_the_old_one(tmp_path: P
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sessions.writing.os.replace", full)
+    monkeypatch.setattr("handscope.sessions.writing.os.replace", full)
     with pytest.raises(InputError, match=r"report\.pdf cannot be written: No space"):
         save_file(b"new", path)
     assert _content(tmp_path) == {"report.pdf": b"old"}
@@ -59,7 +59,7 @@ def test_an_interruption_while_files_move_to_their_places_leaves_the_folder_as_i
             raise KeyboardInterrupt
         replace(*which)
 
-    monkeypatch.setattr("sessions.writing.os.replace", interrupted)
+    monkeypatch.setattr("handscope.sessions.writing.os.replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         save_folder({"a.txt": b"new", "b.txt": b"new"}, tmp_path)
     assert _content(tmp_path) == {"a.txt": b"old"}

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from app.devices.virtual_glove.flash import Flash
-from app.devices.virtual_glove.wearer import Wearer
-from estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
-from sessions.wire import messages as wire
-from sessions.wire.force_told import ForceTold
-from sessions.wire.framing import LONGEST, Decoder, Encoder
-from sessions.wire.sample_values import data_of
+from handscope.app.devices.virtual_glove.flash import Flash
+from handscope.app.devices.virtual_glove.wearer import Wearer
+from handscope.estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.framing import LONGEST, Decoder, Encoder
+from handscope.sessions.wire.sample_values import data_of
 
 AHEAD = 0.25  # s of samples made in one go
 ANNOUNCE = 1.0  # s between repetitions of identity, strips and streams

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.force.sensor import ForceCalibration
-from estimators.force.setup import ForceSetup
-from estimators.gravity import GRAVITY
-from estimators.imu_calibration import CALIBRATED, ImuCalibration
-from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
-from sessions.wire.assembly import correction_of, message_of
-from sessions.wire.force_told import ForceTold, of_kept
-from sessions.wire.messages import StripCalibration
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import ForceCalibration
+from handscope.estimators.force.setup import ForceSetup
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.imu_calibration import CALIBRATED, ImuCalibration
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
+from handscope.sessions.wire.assembly import correction_of, message_of
+from handscope.sessions.wire.force_told import ForceTold, of_kept
+from handscope.sessions.wire.messages import StripCalibration
 
 BIAS = {
     GYR: np.radians(5.0),

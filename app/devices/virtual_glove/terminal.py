@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.devices.virtual_glove.faults import Faults
-from app.devices.virtual_glove.firmware import Firmware
-from estimators.errors import InputError
+from handscope.app.devices.virtual_glove.faults import Faults
+from handscope.app.devices.virtual_glove.firmware import Firmware
+from handscope.estimators.errors import InputError
 
 TICK = 0.004  # s between two looks at the clock
 FIFO = 64 * 1024  # bytes that the glove keeps for a slow host before it drops samples

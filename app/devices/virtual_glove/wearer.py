@@ -7,20 +7,20 @@ from typing import Protocol
 
 import numpy as np
 
-from estimators.errors import InputError
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.magnet_plate import Plate
-from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
-from estimators.simulation import force_sensors, functional, guided, held, held_object, kinematics, sensors, tasks, trunk
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.motion import Motion, after, shifted, through
-from estimators.simulation.sensors import SensorErrors
-from estimators.simulation.tasks import Performance
-from estimators.simulation.trunk import TrunkGlove
-from sessions.recording import LoadedRecording
+from handscope.estimators.errors import InputError
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.magnet_plate import Plate
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
+from handscope.estimators.simulation import force_sensors, functional, guided, held, held_object, kinematics, sensors, tasks, trunk
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.motion import Motion, after, shifted, through
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.estimators.simulation.tasks import Performance
+from handscope.estimators.simulation.trunk import TrunkGlove
+from handscope.sessions.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.reproduce.outside.hand import Values
+from handscope.app.reproduce.outside.hand import Values
 
 EARTH = np.array([18e-6, 5e-6, -45e-6])
 MU = 1e-7

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from app.reproduce.outside.hand import Values
-from app.reproduce.outside.pinch import GRAVITY, RATE, Pinch
+from handscope.app.reproduce.outside.hand import Values
+from handscope.app.reproduce.outside.pinch import GRAVITY, RATE, Pinch
 
 COUNT = 0.004  # N
 WEIGHTS = (0.1, 0.2)  # kg that hang on the bench along both senses of every axis

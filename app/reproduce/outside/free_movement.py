@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from app.reproduce.outside.motion_files import axes, write_system
+from handscope.app.reproduce.outside.motion_files import axes, write_system
 
 Array = NDArray[np.float64]
 Wave = Callable[[Array], Array]  # of the time (n,) s, about 1 in size

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.reproduce.outside.hand import Values
+from handscope.app.reproduce.outside.hand import Values
 
 Channel = tuple[str, str, str, str, str]  # name, component, type, tracked point, unit
 HEAD = (("name", "component", "type", "tracked_point", "units"), ("latency", "n/a", "LATENCY", "n/a", "s"))

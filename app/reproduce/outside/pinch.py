@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from app.reproduce.outside import hand as hands
-from app.reproduce.outside.hand import PALM, SEGMENTS, Hand, Values
+from handscope.app.reproduce.outside import hand as hands
+from handscope.app.reproduce.outside.hand import PALM, SEGMENTS, Hand, Values
 
 Rows = NDArray[np.int_]
 RATE, GRAVITY = 1000.0, 9.81

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from app.reproduce.outside.force_sensors import COUNT, channel
-from app.reproduce.outside.hand import SEGMENTS, Values
-from app.reproduce.outside.motion_files import axes, write_system
-from app.reproduce.outside.pinch import INERTIAL, Pinch
+from handscope.app.reproduce.outside.force_sensors import COUNT, channel
+from handscope.app.reproduce.outside.hand import SEGMENTS, Values
+from handscope.app.reproduce.outside.motion_files import axes, write_system
+from handscope.app.reproduce.outside.pinch import INERTIAL, Pinch
 
 FINGERS = ("thumb", "index")
 

@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0001"
 down_revision = None
@@ -17,8 +17,8 @@ def upgrade() -> None:
         "login",
         sa.Column("id", sa.Integer(), nullable=False),
         sa.Column("token_hash", sa.String(length=64), nullable=False),
-        sa.Column("created", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("seen", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("created", tables.UtcDateTime(), nullable=False),
+        sa.Column("seen", tables.UtcDateTime(), nullable=False),
         sa.PrimaryKeyConstraint("id"),
         sa.UniqueConstraint("token_hash"),
     )
@@ -32,7 +32,7 @@ def upgrade() -> None:
         sa.Column("hand_measures", sa.JSON(), nullable=False),
         sa.Column("notes", sa.String(), nullable=False),
         sa.Column("archived", sa.Boolean(), nullable=False),
-        sa.Column("created", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("created", tables.UtcDateTime(), nullable=False),
         sa.Column("version", sa.Integer(), nullable=False),
         sa.PrimaryKeyConstraint("id"),
         sa.UniqueConstraint("pseudonym"),
@@ -43,8 +43,8 @@ def upgrade() -> None:
         sa.Column("patient_id", sa.Integer(), nullable=False),
         sa.Column("hand", sa.String(length=5), nullable=False),
         sa.Column("state", sa.String(length=16), nullable=False),
-        sa.Column("started", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("finished", sessions.tables.UtcDateTime(), nullable=True),
+        sa.Column("started", tables.UtcDateTime(), nullable=False),
+        sa.Column("finished", tables.UtcDateTime(), nullable=True),
         sa.Column("examiner", sa.String(), nullable=False),
         sa.Column("notes", sa.String(), nullable=False),
         sa.Column("geometry", sa.JSON(), nullable=False),
@@ -63,7 +63,7 @@ def upgrade() -> None:
         sa.Column("original_name", sa.String(), nullable=False),
         sa.Column("sha256", sa.String(length=64), nullable=True),
         sa.Column("bytes", sa.Integer(), nullable=False),
-        sa.Column("added", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("added", tables.UtcDateTime(), nullable=False),
         sa.Column("summary", sa.JSON(), nullable=False),
         sa.ForeignKeyConstraint(["session_id"], ["session.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),
@@ -79,7 +79,7 @@ def upgrade() -> None:
         sa.Column("method", sa.String(length=32), nullable=False),
         sa.Column("parameters", sa.JSON(), nullable=False),
         sa.Column("version", sa.String(length=32), nullable=False),
-        sa.Column("created", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("created", tables.UtcDateTime(), nullable=False),
         sa.Column("state", sa.String(length=16), nullable=False),
         sa.Column("progress", sa.Double(), nullable=False),
         sa.Column("error", sa.String(), nullable=False),

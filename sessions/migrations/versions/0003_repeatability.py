@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0003"
 down_revision = "0002"
@@ -28,7 +28,7 @@ def upgrade() -> None:
         *(sa.Column(name, sa.Double(), nullable=True) for name in ("icc", "icc_low", "icc_high")),
         *(sa.Column(name, sa.Integer(), nullable=False) for name in ("people", "sessions", "freedom")),
         sa.Column("results", sa.JSON(), nullable=False),
-        sa.Column("computed", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("computed", tables.UtcDateTime(), nullable=False),
         sa.ForeignKeyConstraint(["patient_id"], ["patient.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),
     )

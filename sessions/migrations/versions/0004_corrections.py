@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0004"
 down_revision = "0003"
@@ -20,8 +20,8 @@ def upgrade() -> None:
         sa.Column("kind", sa.String(length=16), nullable=False),
         *(sa.Column(name, sa.Double(), nullable=False) for name in ("onset", "end")),
         sa.Column("reason", sa.String(), nullable=False),
-        sa.Column("made", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("undone", sessions.tables.UtcDateTime(), nullable=True),
+        sa.Column("made", tables.UtcDateTime(), nullable=False),
+        sa.Column("undone", tables.UtcDateTime(), nullable=True),
         sa.ForeignKeyConstraint(["recording_id"], ["recording.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),
     )

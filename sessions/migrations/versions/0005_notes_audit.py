@@ -5,7 +5,7 @@ from typing import Literal
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0005"
 down_revision = "0004"
@@ -21,8 +21,8 @@ def upgrade() -> None:
         sa.Column("id", sa.Integer(), nullable=False),
         sa.Column("patient_id", sa.Integer(), nullable=False),
         sa.Column("text", sa.String(), nullable=False),
-        sa.Column("written", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("removed", sessions.tables.UtcDateTime(), nullable=True),
+        sa.Column("written", tables.UtcDateTime(), nullable=False),
+        sa.Column("removed", tables.UtcDateTime(), nullable=True),
         sa.Column("version", sa.Integer(), nullable=False),
         sa.ForeignKeyConstraint(["patient_id"], ["patient.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),
@@ -33,7 +33,7 @@ def upgrade() -> None:
     op.create_table(
         "audit",
         sa.Column("id", sa.Integer(), nullable=False),
-        sa.Column("at", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("at", tables.UtcDateTime(), nullable=False),
         sa.Column("what", sa.String(length=64), nullable=False),
         sa.Column("counts", sa.JSON(), nullable=False),
         sa.PrimaryKeyConstraint("id"),

@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0006"
 down_revision = "0005"
@@ -20,7 +20,7 @@ def upgrade() -> None:
         sa.Column("password", sa.String(length=200), nullable=True),
         sa.Column("subject", sa.String(length=400), nullable=True),
         sa.Column("disabled", sa.Boolean(), nullable=False),
-        sa.Column("created", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("created", tables.UtcDateTime(), nullable=False),
         sa.PrimaryKeyConstraint("id"),
         sa.UniqueConstraint("name"),
         sa.UniqueConstraint("subject"),
@@ -36,7 +36,7 @@ def upgrade() -> None:
         "attempt",
         sa.Column("id", sa.Integer(), nullable=False),
         sa.Column("key", sa.String(length=64), nullable=False),
-        sa.Column("at", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("at", tables.UtcDateTime(), nullable=False),
         sa.PrimaryKeyConstraint("id"),
     )
     op.create_index("ix_attempt_key", "attempt", ["key"])
@@ -54,8 +54,8 @@ def _login(*more: sa.schema.SchemaItem) -> None:
         "login",
         sa.Column("id", sa.Integer(), nullable=False),
         sa.Column("token_hash", sa.String(length=64), nullable=False),
-        sa.Column("created", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("seen", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("created", tables.UtcDateTime(), nullable=False),
+        sa.Column("seen", tables.UtcDateTime(), nullable=False),
         *more,
         sa.PrimaryKeyConstraint("id"),
         sa.UniqueConstraint("token_hash"),

@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0007"
 down_revision = "0006"
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    op.add_column("session", sa.Column("recorded_as", sessions.tables.UtcDateTime(), nullable=True))
+    op.add_column("session", sa.Column("recorded_as", tables.UtcDateTime(), nullable=True))
     op.add_column("session", sa.Column("date_reason", sa.String(), nullable=False, server_default=""))
     op.add_column("session", sa.Column("version", sa.Integer(), nullable=False, server_default="1"))
 

@@ -8,7 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0008"
 down_revision = "0007"
@@ -19,13 +19,13 @@ REFUSE = "the audit trail is only appended to"
 
 
 def upgrade() -> None:
-    before = sa.table("audit", sa.column("id"), sa.column("at", sessions.tables.UtcDateTime()), sa.column("counts", sa.JSON()))
+    before = sa.table("audit", sa.column("id"), sa.column("at", tables.UtcDateTime()), sa.column("counts", sa.JSON()))
     kept = op.get_bind().execute(sa.select(before).order_by(before.c.id)).all()
     op.drop_table("audit")
     audit = op.create_table(
         "audit",
         sa.Column("id", sa.Integer(), autoincrement=False, nullable=False),
-        sa.Column("at", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("at", tables.UtcDateTime(), nullable=False),
         sa.Column("who", sa.String(length=64), nullable=False),
         sa.Column("address", sa.String(length=64), nullable=False),
         sa.Column("what", sa.String(length=64), nullable=False),
@@ -61,7 +61,7 @@ def downgrade() -> None:
     op.create_table(
         "audit",
         sa.Column("id", sa.Integer(), nullable=False),
-        sa.Column("at", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("at", tables.UtcDateTime(), nullable=False),
         sa.Column("what", sa.String(length=64), nullable=False),
         sa.Column("counts", sa.JSON(), nullable=False),
         sa.PrimaryKeyConstraint("id"),

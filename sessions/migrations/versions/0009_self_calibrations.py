@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-import sessions.tables
+from handscope.sessions import tables
 
 revision = "0009"
 down_revision = "0008"
@@ -22,8 +22,8 @@ def upgrade() -> None:
         *(sa.Column(name, sa.Double(), nullable=False) for name in ("onset", "end")),
         sa.Column("version", sa.String(length=32), nullable=False),
         *(sa.Column(name, sa.JSON(), nullable=False) for name in ("found", "told")),
-        sa.Column("kept", sessions.tables.UtcDateTime(), nullable=False),
-        sa.Column("withdrawn", sessions.tables.UtcDateTime(), nullable=True),
+        sa.Column("kept", tables.UtcDateTime(), nullable=False),
+        sa.Column("withdrawn", tables.UtcDateTime(), nullable=True),
         sa.ForeignKeyConstraint(["patient_id"], ["patient.id"], ondelete="CASCADE"),
         sa.ForeignKeyConstraint(["recording_id"], ["recording.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),
@@ -35,7 +35,7 @@ def upgrade() -> None:
         sa.Column("session_id", sa.Integer(), nullable=False),
         sa.Column("self_calibration_id", sa.Integer(), nullable=True),
         sa.Column("parts", sa.String(length=20), nullable=False),
-        sa.Column("made", sessions.tables.UtcDateTime(), nullable=False),
+        sa.Column("made", tables.UtcDateTime(), nullable=False),
         sa.ForeignKeyConstraint(["session_id"], ["session.id"], ondelete="CASCADE"),
         sa.ForeignKeyConstraint(["self_calibration_id"], ["self_calibration.id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("id"),

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from app.api.access import new_token
-from app.server import create_app
-from app.settings import Settings
-from sessions import accounts
+from handscope.app.api.access import new_token
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.sessions import accounts
 
 
 @pytest.fixture(scope="module")

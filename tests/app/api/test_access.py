@@ -14,12 +14,12 @@ from starlette.staticfiles import StaticFiles
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from app.api.access import COOKIE, Gate, new_token
-from app.api.roles import ANYBODY, Doors, May, may
-from app.settings import Settings
-from sessions import accounts, logins
-from sessions.accounts import ADMINISTRATOR, ROLES
-from sessions.store import open_store
+from handscope.app.api.access import COOKIE, Gate, new_token
+from handscope.app.api.roles import ANYBODY, Doors, May, may
+from handscope.app.settings import Settings
+from handscope.sessions import accounts, logins
+from handscope.sessions.accounts import ADMINISTRATOR, ROLES
+from handscope.sessions.store import open_store
 
 ORIGIN = {"Origin": "http://127.0.0.1:8420"}
 SOCKETS = "ws://127.0.0.1:8420"

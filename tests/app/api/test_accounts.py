@@ -7,11 +7,11 @@ from argon2 import PasswordHasher
 from starlette.testclient import TestClient
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from app.api.access import COOKIE, new_token
-from app.settings import Settings
-from sessions import accounts, audit
-from sessions.accounts import ADMINISTRATOR, CLINICIAN
-from sessions.tables import Attempt, AuditLine
+from handscope.app.api.access import COOKIE, new_token
+from handscope.app.settings import Settings
+from handscope.sessions import accounts, audit
+from handscope.sessions.accounts import ADMINISTRATOR, CLINICIAN
+from handscope.sessions.tables import Attempt, AuditLine
 
 GOOD = "seven hands on a table"
 

@@ -5,9 +5,9 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from app import language
-from app.api.bulletins import Bulletin
-from app.live.viewers import Viewers
+from handscope.app import language
+from handscope.app.api.bulletins import Bulletin
+from handscope.app.live.viewers import Viewers
 
 ENGLISH = language.language("en")
 

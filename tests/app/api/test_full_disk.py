@@ -11,13 +11,13 @@ from sqlalchemy import event
 from sqlalchemy.orm import Session, sessionmaker
 from starlette.testclient import TestClient
 
-import app.api.sessions
-from app import results
-from app.server import store_of
-from app.settings import Settings
-from sessions import writing
-from sessions.store import Store
-from sessions.tables import PatientSession, RecordingFile, Result
+from handscope.app import results
+from handscope.app.api import sessions as session_routes
+from handscope.app.server import store_of
+from handscope.app.settings import Settings
+from handscope.sessions import writing
+from handscope.sessions.store import Store
+from handscope.sessions.tables import PatientSession, RecordingFile, Result
 from tests.app.api.conftest import files_in
 from tests.app.api.test_recordings import upload
 
@@ -57,7 +57,7 @@ def test_an_upload_that_finds_no_room_says_so_and_leaves_nothing(
 ) -> None:
     before = files_in(settings)
     with monkeypatch.context() as full:
-        full.setattr(app.api.sessions.os, "fdopen", lambda handle, mode: Full(handle))
+        full.setattr(session_routes.os, "fdopen", lambda handle, mode: Full(handle))
         answer = upload(client, patient, b"PK" + bytes(100))
     assert (answer.status_code, "the disk is full" in answer.json()["error"]) == (507, True)
     assert files_in(settings) == before

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from app.settings import Settings
-from estimators.samples import Event
-from sessions import formats
-from sessions.recorder import Recorder
-from sessions.store import open_store
-from sessions.tables import PatientSession, RecordingFile
-from sessions.wire.framing import Encoder
+from handscope.app.settings import Settings
+from handscope.estimators.samples import Event
+from handscope.sessions import formats
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.store import open_store
+from handscope.sessions.tables import PatientSession, RecordingFile
+from handscope.sessions.wire.framing import Encoder
 from tests.app.api.conftest import files_in
 from tests.app.api.test_recordings import finished, upload
 from tests.glove import whole_session

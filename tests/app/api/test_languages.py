@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-import app.language as every
-from app.report.words import figure_words
+from handscope.app import language as every
+from handscope.app.report.words import figure_words
 
 ESPERANTO = {
     "name": "Esperanto",
@@ -33,7 +33,7 @@ PUT_IN = {
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The languages that there are with more files among them."""
-    here = shutil.copytree(str(files("app.language")), tmp_path / "language")
+    here = shutil.copytree(str(files("handscope.app.language")), tmp_path / "language")
     for name, text in PUT_IN.items():
         (here / name).write_text(text, "utf-8")
     monkeypatch.setattr(every, "files", lambda _: here)

@@ -8,13 +8,13 @@ import pytest
 from sqlalchemy import create_engine
 from starlette.testclient import TestClient
 
-from app.api.access import new_token
-from app.server import create_app, store_of
-from app.settings import Settings
-from sessions import patients
-from sessions.conflicts import ConflictError
-from sessions.database import open_database
-from sessions.motion_bids import writer
+from handscope.app.api.access import new_token
+from handscope.app.server import create_app, store_of
+from handscope.app.settings import Settings
+from handscope.sessions import patients
+from handscope.sessions.conflicts import ConflictError
+from handscope.sessions.database import open_database
+from handscope.sessions.motion_bids import writer
 from tests import postgres
 from tests.app.api.test_recordings import upload
 from tests.app.devices.virtual import wait_for

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 from starlette.testclient import TestClient
 
-from app.api.roles import Doors
-from estimators.samples import Event
-from sessions.accounts import CLINICIAN, SCIENTIST
-from sessions.motion_bids import writer
-from sessions.recording import LoadedRecording
+from handscope.app.api.roles import Doors
+from handscope.estimators.samples import Event
+from handscope.sessions.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.recording import LoadedRecording
 from tests.app.api.test_recordings import finished, upload
 from tests.simulated import pose_and_wiggle
 

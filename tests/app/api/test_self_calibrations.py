@@ -5,10 +5,10 @@ from collections.abc import Callable
 import pytest
 from starlette.testclient import TestClient
 
-from sessions.accounts import CLINICIAN, SCIENTIST
-from sessions.motion_bids import writer
-from sessions.recording import LoadedRecording
-from sessions.tables import RecordingFile, Result
+from handscope.sessions.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.motion_bids import writer
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.tables import RecordingFile, Result
 from tests.app.api.test_recordings import finished, upload
 from tests.sessions.test_self_calibrations import found
 from tests.simulated import pose_and_wiggle

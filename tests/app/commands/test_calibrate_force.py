@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from estimators import quaternions as quat
-from estimators.force import fingertip_forces
-from estimators.samples import FORCE
-from sessions import motion_bids
+from handscope.app.cli import main
+from handscope.estimators import quaternions as quat
+from handscope.estimators.force import fingertip_forces
+from handscope.estimators.samples import FORCE
+from handscope.sessions import motion_bids
 from tests.bids import BASE, Files, dataset, folder, with_sidecar, with_text
 
 GAINS = np.array([[0.11, 0.004, -0.003], [0.002, 0.095, 0.005], [-0.004, 0.003, 0.21]])  # V a newton that a fingertip exerts

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import VERBS, main
-from estimators.hand_anatomy import DOF_NAMES
-from estimators.methods import METHODS
-from estimators.options import describe
-from sessions import formats
+from handscope.app.cli import VERBS, main
+from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.methods import METHODS
+from handscope.estimators.options import describe
+from handscope.sessions import formats
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +198,7 @@ def test_the_demonstration_keeps_its_patient_away_from_those_of_the_clinic(tmp_p
 
     def folder(verb: str, *words: str) -> Path:
         parser = argparse.ArgumentParser()
-        import_module(f"app.commands.{verb}").add(parser)
+        import_module(f"handscope.app.commands.{verb}").add(parser)
         return Path(parser.parse_args(words).data)
 
     assert (folder("serve"), folder("demo")) == (tmp_path / "handscope-data", tmp_path / "handscope-demo")
@@ -218,14 +218,14 @@ def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_the_command_line_starts_as_a_program() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "app.cli", "process", "nothere", "--out", "x"], capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "handscope.app.cli", "process", "nothere", "--out", "x"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
 
 
 def test_a_command_reckons_in_one_thread_unless_told_otherwise() -> None:
     """Matrices are small: a whole hand's self-calibration took more than five minutes by two threads, and two by one."""
-    command = "from app.cli import main; main(['process', 'nothere', '--out', 'x']); import numpy, threadpoolctl; print([p['num_threads'] for p in threadpoolctl.threadpool_info()])"
+    command = "from handscope.app.cli import main; main(['process', 'nothere', '--out', 'x']); import numpy, threadpoolctl; print([p['num_threads'] for p in threadpoolctl.threadpool_info()])"
     alone = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, env=alone)
     assert set(ast.literal_eval(done.stdout)) == {1}
@@ -255,5 +255,5 @@ def test_ctrl_c_before_a_command_has_begun_ends_it_without_a_traceback(monkeypat
     def interrupted(name: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("app.cli.import_module", interrupted)
+    monkeypatch.setattr("handscope.app.cli.import_module", interrupted)
     assert main(["info", "nothing"]) == 130

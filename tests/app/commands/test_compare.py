@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli import main
-from app.qualisys import read_markers
-from estimators import quaternions as quat
-from estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
-from estimators.samples import Event
-from estimators.trajectory import Trajectory
-from sessions import formats
-from sessions.motion_bids import kinematics
+from handscope.app.cli import main
+from handscope.app.qualisys import read_markers
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.samples import Event
+from handscope.estimators.trajectory import Trajectory
+from handscope.sessions import formats
+from handscope.sessions.motion_bids import kinematics
 from tests.app.commands.test_commands import refused
 from tests.estimators.measures.movements import movement
 from tests.sessions.test_c3d import written

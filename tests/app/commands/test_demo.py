@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main
-from app.working_process import CONTEXT, heed_the_terminal
+from handscope.app.cli import main
+from handscope.app.working_process import CONTEXT, heed_the_terminal
 from tests import fork_server
 
 WAIT = 120.0  # s until a test gives up
@@ -27,7 +27,7 @@ def gloves_of(folder: Path) -> list[Path]:
 
 
 def test_ctrl_c_at_the_program_ends_its_gloves(tmp_path: Path) -> None:
-    program = [sys.executable, "-m", "app.cli", *words(tmp_path)]
+    program = [sys.executable, "-P", "-m", "handscope.app.cli", *words(tmp_path)]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
         assert demo.stdout is not None
         next(line for line in demo.stdout if line.startswith("Research use"))

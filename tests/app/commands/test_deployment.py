@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main
-from app.commands import serve
-from estimators.errors import InputError
+from handscope.app.cli import main
+from handscope.app.commands import serve
+from handscope.estimators.errors import InputError
 
 ROOT = Path(__file__).parents[3]
 yaml = pytest.importorskip("yaml", reason="no YAML reader on this machine")

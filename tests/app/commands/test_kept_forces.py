@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from app.live.stations import live_setup
-from sessions import force_calibrations
-from sessions.tables import PatientSession
+from handscope.app.cli import main
+from handscope.app.live.stations import live_setup
+from handscope.sessions import force_calibrations
+from handscope.sessions.tables import PatientSession
 from tests.app.commands.test_calibrate_force import table
 from tests.app.devices.virtual import virtual_glove
 

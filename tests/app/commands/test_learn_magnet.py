@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.cli import main
-from estimators import magnet_learning
-from estimators.magnet_learning import Learnt
-from estimators.magnet_plate import Plate, plate_from
-from sessions import formats
+from handscope.app.cli import main
+from handscope.estimators import magnet_learning
+from handscope.estimators.magnet_learning import Learnt
+from handscope.estimators.magnet_plate import Plate, plate_from
+from handscope.sessions import formats
 
 TOLD = Plate({"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.32, 0.0, 0.0), (0.0, 0.0, 0.01), 4.98e-5)
 BETTER = Plate({"trunk_mag_1": (0.003, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.0, 0.3, 0.0), (0.0, 0.004, 0.01), 4.98e-5)

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli import main
-from estimators import magnet_array
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.quaternions import Array
-from estimators.simulation.magnetic_field import MagneticField, homogeneous
-from sessions import array_table
-from sessions.array_description import described
+from handscope.app.cli import main
+from handscope.estimators import magnet_array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
+from handscope.sessions import array_table
+from handscope.sessions.array_description import described
 
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03], [0.05, 0.06, 0.0]])
 CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes

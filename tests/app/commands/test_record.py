@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from app.commands import record
-from app.devices.virtual_glove.firmware import AHEAD
-from sessions import native
+from handscope.app.cli import main
+from handscope.app.commands import record
+from handscope.app.devices.virtual_glove.firmware import AHEAD
+from handscope.sessions import native
 from tests.app.commands.test_commands import refused, table
 from tests.app.devices.virtual import virtual_glove
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main
-from app.reproduce import mechanical_finger
+from handscope.app.cli import main
+from handscope.app.reproduce import mechanical_finger
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from estimators.methods import m2
-from estimators.processing import process
-from estimators.samples import GYR, MAG
-from sessions import formats
-from sessions.recording import LoadedRecording
+from handscope.app.cli import main
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
+from handscope.estimators.samples import GYR, MAG
+from handscope.sessions import formats
+from handscope.sessions.recording import LoadedRecording
 
 PILLOW = Path(__file__).parents[2] / "estimators" / "simulation" / "pillow_grasp.tsv.gz"
 

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.devices.glove import Glove
-from app.devices.pipes import Kind, frames_that_wait, write_frame
-from app.devices.ports import open_port
-from estimators.errors import InputError
-from estimators.samples import Block, Event
-from sessions import native
-from sessions.wire import assembly
-from sessions.wire.assembly import Assembler
-from sessions.wire.messages import Samples
+from handscope.app.devices.glove import Glove
+from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
+from handscope.app.devices.ports import open_port
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import Block, Event
+from handscope.sessions import native
+from handscope.sessions.wire import assembly
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.messages import Samples
 from tests.app.devices.virtual import virtual_glove, wait_for
 from tests.glove import SLOTS, frames, whole_session
 from tests.simulated import cut, in_strips
@@ -72,7 +72,7 @@ def test_a_killed_recording_process_leaves_all_but_the_last_second(port: Path, t
 
 def test_when_the_server_is_killed_the_recording_is_finished(port: Path, tmp_path: Path) -> None:
     code = (
-        "import sys, time, pathlib; from app.devices.glove import Glove\n"
+        "import sys, time, pathlib; from handscope.app.devices.glove import Glove\n"
         "with Glove(sys.argv[1], pathlib.Path(sys.argv[2]), {'hand': 'left'}, lambda b: None) as g:\n"
         "    g.wait_for(lambda g: 'hand' in g.assembler.counts and g.assembler.counts['hand'].samples > 150, 20)\n"
         "    print(g.pid, flush=True); time.sleep(60)\n"
@@ -136,7 +136,7 @@ def test_a_port_in_use_and_a_port_that_is_not_there_are_refused_in_words(port: P
 
 
 def test_the_recording_process_begins_without_the_numerics_that_others_need() -> None:
-    code = "import sys; import app.devices.acquisition; print({'numpy', 'numba', 'scipy'} & {*sys.modules})"
+    code = "import sys; import handscope.app.devices.acquisition; print({'numpy', 'numba', 'scipy'} & {*sys.modules})"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
 
 

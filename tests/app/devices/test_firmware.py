@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.devices.virtual_glove.faults import FaultParams, Faults
-from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.wearer import Playback, SimulatedPerson, layout
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS
-from estimators.hand_geometry import sized
-from estimators.samples import ACC, FORCE, TORQUE, Block, join
-from estimators.simulation.sensors import SensorErrors
-from sessions import motion_bids, native
-from sessions.recorder import Recorder
-from sessions.recording import LoadedRecording
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler
-from sessions.wire.framing import Encoder
+from handscope.app.devices.virtual_glove.faults import FaultParams, Faults
+from handscope.app.devices.virtual_glove.firmware import Build, Firmware
+from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson, layout
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.samples import ACC, FORCE, TORQUE, Block, join
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions import motion_bids, native
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.framing import Encoder
 from tests.simulated import pose_and_wiggle
 
 ALL = (*FINGERS, "forearm")

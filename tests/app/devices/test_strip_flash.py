@@ -7,23 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import main
-from app.devices import strip_flash
-from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.flash import Flash, delivered, require_fitting
-from app.devices.virtual_glove.wearer import SimulatedPerson, layout
-from estimators.errors import InputError
-from estimators.force.sensor import ForceCalibration
-from estimators.force.setup import ForceSetup
-from estimators.imu_calibration import CALIBRATED, ImuCalibration
-from estimators.quaternions import Array
-from estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
-from estimators.simulation.sensors import IDEAL
-from sessions import native
-from sessions.recorder import Recorder
-from sessions.wire import messages as wire
-from sessions.wire.assembly import Assembler, message_of
-from sessions.wire.framing import Decoder, Encoder
+from handscope.app.cli import main
+from handscope.app.devices import strip_flash
+from handscope.app.devices.virtual_glove.firmware import Build, Firmware
+from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
+from handscope.app.devices.virtual_glove.wearer import SimulatedPerson, layout
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import ForceCalibration
+from handscope.estimators.force.setup import ForceSetup
+from handscope.estimators.imu_calibration import CALIBRATED, ImuCalibration
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.sessions import native
+from handscope.sessions.recorder import Recorder
+from handscope.sessions.wire import messages as wire
+from handscope.sessions.wire.assembly import Assembler, message_of
+from handscope.sessions.wire.framing import Decoder, Encoder
 from tests.app.devices.test_firmware import person, play
 from tests.app.devices.virtual import virtual_glove
 from tests.estimators.test_imu_calibration import drawn

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from app.devices.virtual_glove.firmware import Build, Firmware
-from app.devices.virtual_glove.flash import delivered
-from app.devices.virtual_glove.wearer import SimulatedPerson, layout
-from app.protocols import load_steps
-from estimators import functional_steps, hand_place
-from estimators.finding import whole_streams
-from estimators.functional_steps import STEPS
-from estimators.hand_anatomy import FINGERS
-from estimators.hand_geometry import sized
-from estimators.methods import m2
-from estimators.samples import FORCE, GYR, Block
-from estimators.simulation.sensors import IDEAL
-from sessions.wire.assembly import Assembler
-from sessions.wire.framing import Encoder
-from sessions.wire.messages import Cue, Format, Start
+from handscope.app.devices.virtual_glove.firmware import Build, Firmware
+from handscope.app.devices.virtual_glove.flash import delivered
+from handscope.app.devices.virtual_glove.wearer import SimulatedPerson, layout
+from handscope.app.protocols import load_steps
+from handscope.estimators import functional_steps, hand_place
+from handscope.estimators.finding import whole_streams
+from handscope.estimators.functional_steps import STEPS
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import FORCE, GYR, Block
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.framing import Encoder
+from handscope.sessions.wire.messages import Cue, Format, Start
 
 CUED, COUNTDOWN = 2.0, 3.0  # s
 

@@ -7,18 +7,18 @@ from importlib.resources import files
 
 import pytest
 
-from app.api.watch import LISTS
-from app.language import ENGLISH, NAME, Language, language, languages, preferred
-from app.protocols import load_all, load_steps
-from app.report.words import figure_words
-from estimators.errors import InputError
-from estimators.measures import MEASURES
-from estimators.methods import METHODS
-from estimators.trajectory import FLAG_WORDS
-from sessions.audit import BY_ITSELF, KINDS
-from sessions.conflicts import ConflictError
-from sessions.full_disk import FULL
-from sessions.tables import Account, Base, Correction, Note, Patient, PatientSession
+from handscope.app.api.watch import LISTS
+from handscope.app.language import ENGLISH, NAME, Language, language, languages, preferred
+from handscope.app.protocols import load_all, load_steps
+from handscope.app.report.words import figure_words
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.methods import METHODS
+from handscope.estimators.trajectory import FLAG_WORDS
+from handscope.sessions.audit import BY_ITSELF, KINDS
+from handscope.sessions.conflicts import ConflictError
+from handscope.sessions.full_disk import FULL
+from handscope.sessions.tables import Account, Base, Correction, Note, Patient, PatientSession
 
 GERMAN = languages()["de"]
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
@@ -31,7 +31,7 @@ def code(one: Language) -> str:
 
 @pytest.mark.parametrize("other", OTHERS, ids=code)
 def test_every_word_of_the_server_is_in_every_language_with_the_same_gaps(other: Language) -> None:
-    words = json.loads(files("app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["words"]
+    words = json.loads(files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["words"]
     assert {k: sorted(NAME.findall(w)) for k, w in words.items() if k in ENGLISH.words} == {
         k: sorted(NAME.findall(w)) for k, w in ENGLISH.words.items()
     }
@@ -129,5 +129,5 @@ def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None
     fields = {c.key for row in rows for c in row.__table__.columns if c.key not in once | BY_ITSELF.get(row, frozenset())}
     wanted = {f"audit.does.{d}" for d in does} | {f"audit.kind.{k}" for k in kinds} | {f"audit.field.{f}" for f in fields}
     for one in languages().values():
-        own = json.loads(files("app.language").joinpath(f"{one.code}.json").read_text("utf-8"))["pages"]
+        own = json.loads(files("handscope.app.language").joinpath(f"{one.code}.json").read_text("utf-8"))["pages"]
         assert wanted - set(own) == set()

@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from app.language import ENGLISH, NAME, Language, _gapped, languages
+from handscope.app.language import ENGLISH, NAME, Language, _gapped, languages
 from tests.app.language.sentences import Sentence, sentences
 
 OTHERS = [one for one in languages().values() if one is not ENGLISH]

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from app.live import ghost, wizard
-from app.live.station import THUMB, Station
-from app.live.telling import told_of
-from app.live.wizard import LATE, Act, Facts, NotNowError, Order, State, Wizard
-from app.protocols import load_steps
-from estimators.functional_steps import STEPS, Piece
-from estimators.samples import Event
-from estimators.simulation import functional
+from handscope.app.live import ghost, wizard
+from handscope.app.live.station import THUMB, Station
+from handscope.app.live.telling import told_of
+from handscope.app.live.wizard import LATE, Act, Facts, NotNowError, Order, State, Wizard
+from handscope.app.protocols import load_steps
+from handscope.estimators.functional_steps import STEPS, Piece
+from handscope.estimators.samples import Event
+from handscope.estimators.simulation import functional
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.test_wizard import PROTOCOLS, READY, kinds, later
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from app.live.station import Station
-from app.live.wizard import State
-from app.protocols import load_all
-from estimators.samples import GYR
-from sessions import formats
+from handscope.app.live.station import Station
+from handscope.app.live.wizard import State
+from handscope.app.protocols import load_all
+from handscope.estimators.samples import GYR
+from handscope.sessions import formats
 from tests.app.devices.virtual import virtual_glove, wait_for
 from tests.app.live.test_live_numbers import setup_of
 

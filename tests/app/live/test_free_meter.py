@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from app.live import free_meter
-from app.live.free_meter import FreeMeter
-from estimators import initial_pose
-from estimators.calibration import Calibration
-from estimators.hand_geometry import HandGeometry
-from estimators.samples import Block
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Trajectory
+from handscope.app.live import free_meter
+from handscope.app.live.free_meter import FreeMeter
+from handscope.estimators import initial_pose
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import Trajectory
 from tests.estimators.self_calibration.fingers import recorded
 from tests.simulated import strips_of
 

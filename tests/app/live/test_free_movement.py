@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.live import free_movement, ghost, solving, wizard
-from app.live.solving import Solving
-from app.live.station import THUMB, Station
-from app.live.telling import told_of
-from app.live.wizard import LATE, Act, NotNowError, State, Wizard
-from app.protocols import load_free
-from estimators.calibration import Known
-from estimators.samples import Event
-from sessions.recording import LoadedRecording
-from sessions.self_calibrations import Found
+from handscope.app.live import free_movement, ghost, solving, wizard
+from handscope.app.live.solving import Solving
+from handscope.app.live.station import THUMB, Station
+from handscope.app.live.telling import told_of
+from handscope.app.live.wizard import LATE, Act, NotNowError, State, Wizard
+from handscope.app.protocols import load_free
+from handscope.estimators.calibration import Known
+from handscope.estimators.samples import Event
+from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.self_calibrations import Found
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.test_wizard import PROTOCOLS, READY, kinds, later
 from tests.sessions.test_self_calibrations import found

@@ -4,10 +4,10 @@ from functools import partial
 
 import numpy as np
 
-from app.live.held_so_far import HeldSoFar
-from app.live.tracking import Tracking
-from estimators import initial_pose
-from estimators.methods import m2
+from handscope.app.live.held_so_far import HeldSoFar
+from handscope.app.live.tracking import Tracking
+from handscope.estimators import initial_pose
+from handscope.estimators.methods import m2
 from tests.app.devices.virtual import wait_for
 from tests.app.live.test_tracking import play
 from tests.estimators.force.lifted import done

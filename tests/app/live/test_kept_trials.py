@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from app.live import kept_trials, wizard
-from app.live.station import Station
-from app.live.stations import Stations
-from app.live.wizard import Act, State
-from estimators import initial_pose
-from estimators.calibration import Calibration
-from estimators.errors import InputError
-from estimators.hand_anatomy import SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.samples import Event
-from sessions.wire.messages import Cue
+from handscope.app.live import kept_trials, wizard
+from handscope.app.live.station import Station
+from handscope.app.live.stations import Stations
+from handscope.app.live.wizard import Act, State
+from handscope.estimators import initial_pose
+from handscope.estimators.calibration import Calibration
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.samples import Event
+from handscope.sessions.wire.messages import Cue
 from tests.app.devices.virtual import wait_for
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.test_wizard import PROTOCOLS, READY

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.live.curve import LENGTH
-from app.live.setup import Setup
-from app.live.station import Station
-from app.live.wizard import State
-from app.protocols import load_all
-from estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.methods import METHODS
-from estimators.trajectory import Trajectory
+from handscope.app.live.curve import LENGTH
+from handscope.app.live.setup import Setup
+from handscope.app.live.station import Station
+from handscope.app.live.wizard import State
+from handscope.app.protocols import load_all
+from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.methods import METHODS
+from handscope.estimators.trajectory import Trajectory
 from tests.app.live.test_wizard import READY
 
 RATE = 100.0  # Hz

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.live import wizard
-from app.live.wizard import Act, State
+from handscope.app.live import wizard
+from handscope.app.live.wizard import Act, State
 from tests.app.live.test_wizard import READY, at, kinds, later
 
 PAUSED = st.lists(st.tuples(st.floats(0.0, 40.0), st.floats(0.0, 60.0)), max_size=4)  # s that the trial runs, and that it is paused

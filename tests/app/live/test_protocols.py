@@ -6,24 +6,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import app.protocols
-from app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
-from app.language import Language, languages
-from app.live.ghost import angles_of
-from app.live.telling import LEAST
-from app.protocols import TURN, Protocol, groups, load_all, offered, protocol_of, read
-from app.server import create_app
-from app.settings import Settings
-from estimators.errors import InputError
-from estimators.hand_anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
-from estimators.hand_geometry import sized
-from estimators.measures import MEASURES, repetitions
-from estimators.measures.forearm_rotation import palm_turn
-from estimators.simulation import kinematics, tasks
-from estimators.simulation.assessment import RANGES
-from estimators.simulation.grasp import Hold, between
-from estimators.simulation.motion import COORDINATES
-from estimators.simulation.sensors import IDEAL
+from handscope.app import protocols
+from handscope.app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
+from handscope.app.language import Language, languages
+from handscope.app.live.ghost import angles_of
+from handscope.app.live.telling import LEAST
+from handscope.app.protocols import TURN, Protocol, groups, load_all, offered, protocol_of, read
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures import MEASURES, repetitions
+from handscope.estimators.measures.forearm_rotation import palm_turn
+from handscope.estimators.simulation import kinematics, tasks
+from handscope.estimators.simulation.assessment import RANGES
+from handscope.estimators.simulation.grasp import Hold, between
+from handscope.estimators.simulation.motion import COORDINATES
+from handscope.estimators.simulation.sensors import IDEAL
 
 GOOD = {"name": "x", "title": "X", "instruction": "Do x.", "group": "g", "duration": 5.0, "curve": "aperture", "order": 1}
 PACED = {"duration": None, "cycle": [{"say": "Bend", "seconds": 1.0}], "repetitions": 2}
@@ -49,7 +49,7 @@ IN_TIME = [p for p in ALL.values() if p.cue in tasks.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
-    assert len(ALL) == len(list(Path(app.protocols.__file__).parent.glob("*.json"))) == 60
+    assert len(ALL) == len(list(Path(protocols.__file__).parent.glob("*.json"))) == 60
     assert read()[1] == []
     assert len({p.order for p in ALL.values()}) == len({p.title for p in ALL.values()}) == len(ALL)
     for p in ALL.values():
@@ -182,7 +182,7 @@ def test_a_faulty_file_is_left_out_and_does_not_stop_the_others(
     fault = "protocol x.json, line 1: countdown is -3; it should be greater than or equal to 0"
     found, faults = read(folder)
     assert (list(found), faults) == (["y"], [fault])
-    monkeypatch.setattr(app.protocols, "files", lambda package: folder)
+    monkeypatch.setattr(protocols, "files", lambda package: folder)
     create_app(Settings(data=tmp_path / "data"))
     assert [r.getMessage() for r in caplog.records if "protocol" in r.getMessage()] == [
         f"{fault}. This task is not offered, the others are."

@@ -9,19 +9,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from app.live.hand_trail import PARAMS as LOOKS
-from app.live.hand_trail import REACH
-from app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
-from estimators import hand_filter, initial_pose, processing, trajectory
-from estimators.errors import InputError
-from estimators.functional_steps import STEPS
-from estimators.hand_anatomy import SEGMENT
-from estimators.methods import m2
-from estimators.samples import Block, Event, joined
-from estimators.simulation import functional, tasks
-from estimators.simulation.person import drawn
-from estimators.simulation.scenario import performed
-from estimators.trajectory import Flag, Trajectory
+from handscope.app.live.hand_trail import PARAMS as LOOKS
+from handscope.app.live.hand_trail import REACH
+from handscope.app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
+from handscope.estimators import hand_filter, initial_pose, processing, trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.functional_steps import STEPS
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.methods import m2
+from handscope.estimators.samples import Block, Event, joined
+from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.simulation.person import drawn
+from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.trajectory import Flag, Trajectory
 from tests.app.devices.virtual import wait_for
 from tests.estimators.functional import ANYHOW
 from tests.simulated import INSTANT, in_strips, strips_of, tracked

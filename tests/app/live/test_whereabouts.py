@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.live.whereabouts import Whereabouts
-from estimators import quaternions as quat
-from estimators.hand_geometry import sized
-from estimators.hand_place import PlaceParams
-from estimators.simulation import tasks
-from estimators.simulation.scenario import Simulated, performed
-from estimators.simulation.sensors import IDEAL
-from estimators.simulation.trunk import TrunkGlove
+from handscope.app.live.whereabouts import Whereabouts
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand_place import PlaceParams
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.scenario import Simulated, performed
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.estimators.simulation.trunk import TrunkGlove
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.language import ENGLISH
-from app.live import wizard
-from app.live.wizard import (
+from handscope.app.language import ENGLISH
+from handscope.app.live import wizard
+from handscope.app.live.wizard import (
     BY_PERSON,
     OUTCOMES,
     PASSING,
@@ -24,9 +24,9 @@ from app.live.wizard import (
     State,
     Wizard,
 )
-from app.protocols import groups, load_all, load_steps
-from estimators.calibration_quality import GRADES, LIMITS
-from estimators.hand_anatomy import FINGERS, SEGMENTS
+from handscope.app.protocols import groups, load_all, load_steps
+from handscope.estimators.calibration_quality import GRADES, LIMITS
+from handscope.estimators.hand_anatomy import FINGERS, SEGMENTS
 
 PROTOCOLS = tuple(load_all().values())
 READY = Facts(now=100.0, t=50.0, flowing=True, wander=0.01, restless="hand", measured=frozenset(SEGMENTS))

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
-import static
-from app.api import languages
-from app.live import wizard
-from app.live.telling import told_of
-from app.live.wizard import Act, Facts, State, Wizard
+from handscope import static
+from handscope.app.api import languages
+from handscope.app.live import wizard
+from handscope.app.live.telling import told_of
+from handscope.app.live.wizard import Act, Facts, State, Wizard
 from tests.app.live.test_wizard import READY, at, later
 from tests.app.scene.small_site import eventually
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-import static
-from app.language import ENGLISH, Language, languages
+from handscope import static
+from handscope.app.language import ENGLISH, Language, languages
 
 ROOT = Path(static.__file__).parent
 MODULES = sorted(p for p in ROOT.rglob("*.js") if "vendor" not in p.parts)
@@ -83,7 +83,7 @@ def test_modules_make_no_markup_from_text_and_load_nothing_from_elsewhere(path: 
 
 
 def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
-    from app.api.access import OPEN_FILES, OPEN_FOLDERS
+    from handscope.app.api.access import OPEN_FILES, OPEN_FOLDERS
 
     page = ROOT / "login"
     needed = re.findall(r"(?:src|href)=\"([^\"]+)\"", (page / "index.html").read_text("utf-8"))
@@ -139,7 +139,7 @@ def test_every_text_that_is_used_is_in_the_dictionary_and_none_is_left_over() ->
 
 @pytest.mark.parametrize("other", [one for one in languages().values() if one is not ENGLISH], ids=lambda one: one.code)
 def test_every_language_has_every_text_of_the_pages_with_the_same_gaps(other: Language) -> None:
-    own = json.loads(files("app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["pages"]
+    own = json.loads(files("handscope.app.language").joinpath(f"{other.code}.json").read_text("utf-8"))["pages"]
     assert [key for key in own if key not in ENGLISH.pages] == []
     assert [key for key in ENGLISH.pages if key not in own] == []
     assert [key for key in own if sorted(GAP.findall(own[key])) != sorted(GAP.findall(ENGLISH.pages[key]))] == []

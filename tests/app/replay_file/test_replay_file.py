@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from app.language import ENGLISH, languages
-from app.protocols import load_all
-from app.replay_file import FULL, RATE, Chapter, chapters, replay_file, thinned
-from app.scene import bones, postures, view
-from estimators import quaternions as quat
-from estimators.hand_anatomy import JOINT, JOINTS
-from estimators.hand_geometry import sized
-from estimators.samples import Event
+from handscope.app.language import ENGLISH, languages
+from handscope.app.protocols import load_all
+from handscope.app.replay_file import FULL, RATE, Chapter, chapters, replay_file, thinned
+from handscope.app.scene import bones, postures, view
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import JOINT, JOINTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.samples import Event
 from tests.browser import UNDRAWN
 
 GEOMETRY = sized("left")

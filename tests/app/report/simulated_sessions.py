@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from app.protocols import load_all
-from app.report.content import Content, Visit, content
-from estimators.hand_anatomy import SEGMENTS, Hand
-from estimators.hand_geometry import sized
-from estimators.measures.assessment import TaskResult, assess
-from estimators.methods import m2
-from estimators.processing import Processed, process
-from estimators.samples import Block
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import SensorErrors
-from sessions.recording import LoadedRecording
+from handscope.app.protocols import load_all
+from handscope.app.report.content import Content, Visit, content
+from handscope.estimators.hand_anatomy import SEGMENTS, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures.assessment import TaskResult, assess
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import Processed, process
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.sessions.recording import LoadedRecording
 
 ROM = ("rom_fist", "rom_spread", "rom_thumb", "rom_wrist")
 NORMAL = ("initial_pose", *ROM, "tapping")

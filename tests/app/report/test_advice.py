@@ -5,10 +5,10 @@ from importlib.resources import files
 
 import pytest
 
-from app.language import language, languages
-from app.report.advice import ADVICE, advice
-from app.report.other_measures import other_measures
-from estimators.trajectory import FORCE_WORDS, PLACE_WORDS, PlaceFlag
+from handscope.app.language import language, languages
+from handscope.app.report.advice import ADVICE, advice
+from handscope.app.report.other_measures import other_measures
+from handscope.estimators.trajectory import FORCE_WORDS, PLACE_WORDS, PlaceFlag
 from tests.app.report.test_other_measures import trial
 
 ENGLISH = language("en")
@@ -47,5 +47,5 @@ def test_every_flag_of_a_force_or_place_has_advice_in_every_language(words: str)
     english = advice([words], ENGLISH)
     assert english
     for code in languages():
-        own = json.loads(files("app.language").joinpath(f"{code}.json").read_text("utf-8"))["words"]
+        own = json.loads(files("handscope.app.language").joinpath(f"{code}.json").read_text("utf-8"))["words"]
         assert {f"advice.{what}" for _, what in ADVICE} <= own.keys()

@@ -5,8 +5,8 @@ import io
 import matplotlib.image
 import numpy as np
 
-from app.report.agreement_plot import agreement_chart
-from estimators.measures.comparison import WHOLE, Agreement, Pair, agreements
+from handscope.app.report.agreement_plot import agreement_chart
+from handscope.estimators.measures.comparison import WHOLE, Agreement, Pair, agreements
 from tests.simulated import DEG
 
 T = np.arange(0, 10, 0.01)

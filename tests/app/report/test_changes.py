@@ -9,16 +9,16 @@ import numpy as np
 import orjson
 import pytest
 
-from app.api.readings import readings
-from app.language import ENGLISH
-from app.protocols import load_all
-from app.report import FORMS, Style
-from app.report.changes import Changes, changes
-from app.report.content import Content
-from app.report.units import DEG
-from app.results import _task, figure_rows
-from sessions.repeatability import Comparison, Key, Values, values
-from sessions.tables import Repeatability
+from handscope.app.api.readings import readings
+from handscope.app.language import ENGLISH
+from handscope.app.protocols import load_all
+from handscope.app.report import FORMS, Style
+from handscope.app.report.changes import Changes, changes
+from handscope.app.report.content import Content
+from handscope.app.report.units import DEG
+from handscope.app.results import _task, figure_rows
+from handscope.sessions.repeatability import Comparison, Key, Values, values
+from handscope.sessions.tables import Repeatability
 from tests.app.report.simulated_sessions import NORMAL, report, session
 from tests.app.report.test_pdf import pages, text_of
 

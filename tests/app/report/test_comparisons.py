@@ -6,16 +6,16 @@ from dataclasses import replace
 from datetime import timedelta
 from functools import cache
 
-from app.language import ENGLISH, languages
-from app.report import FORMS, Style
-from app.report.content import Content, LeftOut
-from app.report.page import Page, words_of
-from app.report.pdf import pdf
-from app.report.units import DEG
-from app.results import figure_rows
-from sessions.course import Course
-from sessions.course import Visit as Past
-from sessions.repeatability import Values, values
+from handscope.app.language import ENGLISH, languages
+from handscope.app.report import FORMS, Style
+from handscope.app.report.content import Content, LeftOut
+from handscope.app.report.page import Page, words_of
+from handscope.app.report.pdf import pdf
+from handscope.app.report.units import DEG
+from handscope.app.results import figure_rows
+from handscope.sessions.course import Course
+from handscope.sessions.course import Visit as Past
+from handscope.sessions.repeatability import Values, values
 from tests.app.report.simulated_sessions import VISIT, report, session
 from tests.app.report.test_pdf import NASTY, pages, printed
 

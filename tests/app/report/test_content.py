@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from app.protocols import load_all
-from app.report.content import CURVE_POINTS
-from estimators.hand_anatomy import FLEXION, JOINT, SEGMENTS
-from estimators.methods import m2
+from handscope.app.protocols import load_all
+from handscope.app.report.content import CURVE_POINTS
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENTS
+from handscope.estimators.methods import m2
 from tests.app.report.simulated_sessions import CHECKSUM, ROM, VISIT, gap_in_the_little_finger, report, session
 
 

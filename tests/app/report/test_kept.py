@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.language import languages
-from app.report import FORMS, Style
-from app.report.kept import KEPT, packed, unpacked
-from estimators.samples import Event
+from handscope.app.language import languages
+from handscope.app.report import FORMS, Style
+from handscope.app.report.kept import KEPT, packed, unpacked
+from handscope.estimators.samples import Event
 from tests.app.report.simulated_sessions import VISIT, gap_in_the_little_finger, report, session
 
 EVERYTHING = ("initial_pose", "rom_fist", "tapping", "open_close", "tremor_rest")

@@ -2,11 +2,11 @@
 
 import pytest
 
-from app.report.norms import change_of, norm_of, norms, published_changes
-from app.report.references import smallest_change, smallest_change_of_rate
-from app.report.units import reading
-from estimators.measures import MEASURES
-from estimators.measures.figure import Kind
+from handscope.app.report.norms import change_of, norm_of, norms, published_changes
+from handscope.app.report.references import smallest_change, smallest_change_of_rate
+from handscope.app.report.units import reading
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.measures.figure import Kind
 
 KINDS: dict[str, list[Kind]] = {}
 for _module in MEASURES.values():

@@ -5,16 +5,16 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.language import language
-from app.report.content import Task
-from app.report.gradings import graded, uninjured
-from app.report.other_measures import norm_told, other_measures
-from app.report.summary import summary
-from estimators.measures import total_active_motion
-from estimators.measures.assessment import TaskResult, assess
-from estimators.measures.figure import Figure, Grade
-from estimators.measures.total_active_motion import GRADINGS, regraded
-from sessions.course import Course, Visit
+from handscope.app.language import language
+from handscope.app.report.content import Task
+from handscope.app.report.gradings import graded, uninjured
+from handscope.app.report.other_measures import norm_told, other_measures
+from handscope.app.report.summary import summary
+from handscope.estimators.measures import total_active_motion
+from handscope.estimators.measures.assessment import TaskResult, assess
+from handscope.estimators.measures.figure import Figure, Grade
+from handscope.estimators.measures.total_active_motion import GRADINGS, regraded
+from handscope.sessions.course import Course, Visit
 from tests.app.report.simulated_sessions import report, session
 
 GERMAN = language("de")

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import typst
 
-from app.language import ENGLISH
-from app.report import plots
-from app.report.content import Curve
-from app.report.range_rows import range_rows
-from app.report.references import references
-from estimators.measures.figure import Grade
-from estimators.measures.range_of_motion import Range
-from estimators.measures.tapping import Tapping
-from estimators.quaternions import Array
+from handscope.app.language import ENGLISH
+from handscope.app.report import plots
+from handscope.app.report.content import Curve
+from handscope.app.report.range_rows import range_rows
+from handscope.app.report.references import references
+from handscope.estimators.measures.figure import Grade
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.quaternions import Array
 from tests.app.report.simulated_sessions import report
 
 SOURCE = b'#set page(width: auto, height: auto, margin: 0pt)\n#image(bytes(sys.inputs.svg), format: "svg")'

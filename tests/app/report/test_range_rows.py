@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.language import ENGLISH
-from app.report.content import Task
-from app.report.range_rows import RangeRow, asks_full_range, by_task, over_tasks, range_rows
-from estimators.measures.assessment import TaskResult
-from estimators.measures.range_of_motion import Range
+from handscope.app.language import ENGLISH
+from handscope.app.report.content import Task
+from handscope.app.report.range_rows import RangeRow, asks_full_range, by_task, over_tasks, range_rows
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.range_of_motion import Range
 from tests.app.report.simulated_sessions import report, session
 
 

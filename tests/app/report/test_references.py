@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from app.report.references import FILE, Reference, references, smallest_change, smallest_change_of_rate
-from estimators.hand_anatomy import ANGLES, JOINT, JOINTS
+from handscope.app.report.references import FILE, Reference, references, smallest_change, smallest_change_of_rate
+from handscope.estimators.hand_anatomy import ANGLES, JOINT, JOINTS
 
 
 @pytest.mark.parametrize("reference", references(), ids=lambda r: f"{r.joint}-{r.angle}-{r.end}")

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Any
 
-from app.language import languages
-from app.report import FORMS, Style
-from app.report.kept import packed, unpacked
-from app.report.self_calibration import found_of, section, told, with_deviation
+from handscope.app.language import languages
+from handscope.app.report import FORMS, Style
+from handscope.app.report.kept import packed, unpacked
+from handscope.app.report.self_calibration import found_of, section, told, with_deviation
 from tests.app.report.simulated_sessions import report
 from tests.sessions.test_self_calibrations import found
 from tests.simulated import calibrated, pose_and_wiggle

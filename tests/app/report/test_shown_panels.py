@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from app.language import ENGLISH, language
-from app.report.measure_plots import panel_chart
-from app.report.shown_panels import panels, shown_of
-from app.results import _shown
-from estimators.measures.shown import Curve, Shown
+from handscope.app.language import ENGLISH, language
+from handscope.app.report.measure_plots import panel_chart
+from handscope.app.report.shown_panels import panels, shown_of
+from handscope.app.results import _shown
+from handscope.estimators.measures.shown import Curve, Shown
 
 T = 100.0 + 0.01 * np.arange(4000)
 GRIP = np.where(T < 120, 5.0, np.nan)

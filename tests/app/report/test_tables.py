@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from app.report.tables import COLUMNS, csv, json
-from app.report.units import reading
-from estimators.measures.figure import Figure
+from handscope.app.report.tables import COLUMNS, csv, json
+from handscope.app.report.units import reading
+from handscope.estimators.measures.figure import Figure
 from tests.app.report.simulated_sessions import CHECKSUM, VISIT, report, session
 
 

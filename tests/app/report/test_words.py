@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from app.language import ENGLISH
-from app.report.words import SIDES, both_ways, extension_words, flexion_words, joint_words, span_words
+from handscope.app.language import ENGLISH
+from handscope.app.report.words import SIDES, both_ways, extension_words, flexion_words, joint_words, span_words
 from tests.app.report.simulated_sessions import report
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from app.reproduce.accuracy import angle_errors, distance_rmse, orientation_error, rms, tip_rmse
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENTS
-from estimators.trajectory import Trajectory
+from handscope.app.reproduce.accuracy import angle_errors, distance_rmse, orientation_error, rms, tip_rmse
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENTS
+from handscope.estimators.trajectory import Trajectory
 
 N = 50
 DEG = np.pi / 180

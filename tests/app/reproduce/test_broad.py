@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from app.report.units import DEG
-from app.reproduce import Wanted, broad, published
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.samples import ACC, GYR, MAG
-from estimators.sensor_fusion import FusionParams
+from handscope.app.report.units import DEG
+from handscope.app.reproduce import Wanted, broad, published
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import ACC, GYR, MAG
+from handscope.estimators.sensor_fusion import FusionParams
 
 RATE, N = 100.0, 4000
 FIELD = np.array([0.0, 18.0, -45.0])  # uT: north and down

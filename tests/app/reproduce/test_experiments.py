@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.reproduce import Wanted, budget, drift, mechanical_finger, table6, table7
-from app.reproduce.accuracy import angle_errors, distance_rmse, rms, tip_rmse
-from app.reproduce.experiments import VARIANTS, Trial, estimated, in_either_field, performed
-from estimators.errors import InputError
-from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.hand_anatomy import FINGER_JOINTS, JOINT
-from estimators.simulation.experiments import TABLE7
-from estimators.simulation.sensors import IDEAL
-from estimators.trajectory import Trajectory
+from handscope.app.reproduce import Wanted, budget, drift, mechanical_finger, table6, table7
+from handscope.app.reproduce.accuracy import angle_errors, distance_rmse, rms, tip_rmse
+from handscope.app.reproduce.experiments import VARIANTS, Trial, estimated, in_either_field, performed
+from handscope.estimators.errors import InputError
+from handscope.estimators.fingertips import FINGERTIPS, contact_points_of
+from handscope.estimators.hand_anatomy import FINGER_JOINTS, JOINT
+from handscope.estimators.simulation.experiments import TABLE7
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.estimators.trajectory import Trajectory
 
 DEG = np.pi / 180
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from app.reproduce.finding import Finding, Row, Spread, Table, Verdict, as_json, at_or_below, spread, standing
-from app.reproduce.layout import as_markdown, as_text, placed
+from handscope.app.reproduce.finding import Finding, Row, Spread, Table, Verdict, as_json, at_or_below, spread, standing
+from handscope.app.reproduce.layout import as_markdown, as_text, placed
 
 TABLE = Table(
     "RMSE, cm",

@@ -2,8 +2,8 @@
 
 import pytest
 
-from app.reproduce import Wanted, honesty
-from app.reproduce.experiments import Trial
+from handscope.app.reproduce import Wanted, honesty
+from handscope.app.reproduce.experiments import Trial
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.reproduce import Wanted, independent
-from app.reproduce.independent import CONDITIONS, HAND, WHAT, Found, Trial
-from app.reproduce.outside import free_movement
-from app.reproduce.outside.free_movement import ACC_BIAS, DEG, GRAVITY, GYR_BIAS, LAWS, RIGHT_ANGLE, SHORT, Setup, written
-from estimators.samples import ACC, GYR
-from sessions import formats
+from handscope.app.reproduce import Wanted, independent
+from handscope.app.reproduce.independent import CONDITIONS, HAND, WHAT, Found, Trial
+from handscope.app.reproduce.outside import free_movement
+from handscope.app.reproduce.outside.free_movement import ACC_BIAS, DEG, GRAVITY, GYR_BIAS, LAWS, RIGHT_ANGLE, SHORT, Setup, written
+from handscope.estimators.samples import ACC, GYR
+from handscope.sessions import formats
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.reproduce import Wanted, independent_array, independent_grasp, outside
-from app.reproduce.outside import board, force_sensors, pinch
+from handscope.app.reproduce import Wanted, independent_array, independent_grasp, outside
+from handscope.app.reproduce.outside import board, force_sensors, pinch
 from tests.test_architecture import imports
 
 STANDARD = {name for name in sys.stdlib_module_names if name != "__main__"}
@@ -16,7 +16,11 @@ STANDARD = {name for name in sys.stdlib_module_names if name != "__main__"}
 
 def test_they_import_numpy_scipy_and_each_other_alone() -> None:
     for path in Path(outside.__file__).parent.glob("*.py"):
-        found = {name for name in imports(path.read_text(), "app.reproduce.outside") if not name.startswith("app.reproduce.outside")}
+        found = {
+            name
+            for name in imports(path.read_text(), "handscope.app.reproduce.outside")
+            if not name.startswith("handscope.app.reproduce.outside")
+        }
         assert {name.partition(".")[0] for name in found} <= STANDARD | {"numpy", "scipy"}, path.name
 
 

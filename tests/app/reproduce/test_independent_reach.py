@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.reproduce import Wanted, independent_reach
-from app.reproduce.independent_reach import COUNTS, FIGURES, Trial
-from app.reproduce.outside import reaching as world
+from handscope.app.reproduce import Wanted, independent_reach
+from handscope.app.reproduce.independent_reach import COUNTS, FIGURES, Trial
+from handscope.app.reproduce.outside import reaching as world
 
 
 def test_a_rods_field_is_the_closed_form_on_its_axis_and_a_dipoles_far_away() -> None:

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from app.reproduce import Wanted, kortier2, published
-from app.reproduce.experiments import Trial
-from app.reproduce.kortier2 import FAST, HOLDS, TIPS, WITH, Found
-from estimators.fingertips import FINGERTIPS, contact_points_of
-from estimators.hand_geometry import sized
-from estimators.simulation.experiments import KORTIER2, judged
-from estimators.simulation.scenario import performed
-from estimators.simulation.sensors import IDEAL
+from handscope.app.reproduce import Wanted, kortier2, published
+from handscope.app.reproduce.experiments import Trial
+from handscope.app.reproduce.kortier2 import FAST, HOLDS, TIPS, WITH, Found
+from handscope.estimators.fingertips import FINGERTIPS, contact_points_of
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation.experiments import KORTIER2, judged
+from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.sensors import IDEAL
 
 
 def test_the_tips_error_is_made_of_its_parts_along_the_axes() -> None:

@@ -1,9 +1,9 @@
 """Kortier's chapter 3: the tasks stand in their groups, and what is said of them stands beside the study's figures and our targets."""
 
-from app.reproduce import Wanted, kortier3, published
-from app.reproduce.experiments import Trial
-from app.reproduce.kortier3 import FAST_GROUPS, GROUPS, TASKS, WITH, Found
-from estimators.simulation.powerglove import MOVEMENTS
+from handscope.app.reproduce import Wanted, kortier3, published
+from handscope.app.reproduce.experiments import Trial
+from handscope.app.reproduce.kortier3 import FAST_GROUPS, GROUPS, TASKS, WITH, Found
+from handscope.estimators.simulation.powerglove import MOVEMENTS
 
 
 def test_the_fifteen_tasks_are_in_their_groups() -> None:

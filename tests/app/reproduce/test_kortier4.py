@@ -1,7 +1,7 @@
 """Kortier's chapter 4: the thesis' figures stand beside ours, and what is to be reached is judged."""
 
-from app.reproduce import Wanted, kortier4, published
-from app.reproduce.kortier4 import CONDITIONS, PLACES, Found, Trial
+from handscope.app.reproduce import Wanted, kortier4, published
+from handscope.app.reproduce.kortier4 import CONDITIONS, PLACES, Found, Trial
 
 NAMES = (*(f"distance, {p}" for p in PLACES), "length, proximal", "length, middle")
 

@@ -2,8 +2,8 @@
 
 import math
 
-from app.reproduce import Wanted, kortier5, published
-from app.reproduce.kortier5 import LIMITS, MAGNETOMETERS, MOVEMENTS, SMOOTHED, WHAT, Trial
+from handscope.app.reproduce import Wanted, kortier5, published
+from handscope.app.reproduce.kortier5 import LIMITS, MAGNETOMETERS, MOVEMENTS, SMOOTHED, WHAT, Trial
 
 
 def test_one_trial_gives_every_figure_with_four_and_with_one() -> None:

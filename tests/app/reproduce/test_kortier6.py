@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.reproduce import Wanted, kortier6, published
-from app.reproduce.kortier6 import OBJECTS, RATES, Trial
+from handscope.app.reproduce import Wanted, kortier6, published
+from handscope.app.reproduce.kortier6 import OBJECTS, RATES, Trial
 
 
 def test_a_trial_tells_how_far_off_it_is_and_how_sure() -> None:

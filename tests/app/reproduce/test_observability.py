@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.reproduce import Wanted, observability
-from app.reproduce.observability import FINGERS, GOOD, MOVEMENTS, Found, Trial, moved
-from estimators.simulation.motion import COORDINATES
+from handscope.app.reproduce import Wanted, observability
+from handscope.app.reproduce.observability import FINGERS, GOOD, MOVEMENTS, Found, Trial, moved
+from handscope.estimators.simulation.motion import COORDINATES
 
 
 def extents(name: str, *coordinates: str) -> list[float]:

@@ -1,11 +1,11 @@
 """What is left after a functional calibration: the steps are in the recording, and only the variant that is to use them does."""
 
-from app.reproduce import Wanted, pushed
-from app.reproduce.experiments import Trial, calibrating
-from app.reproduce.pushed import VARIANTS
-from estimators.functional_steps import STEPS
-from estimators.methods import m2
-from estimators.processing import process
+from handscope.app.reproduce import Wanted, pushed
+from handscope.app.reproduce.experiments import Trial, calibrating
+from handscope.app.reproduce.pushed import VARIANTS
+from handscope.estimators.functional_steps import STEPS
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import process
 
 
 def test_only_after_the_steps_are_the_steps_used() -> None:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.scene.hand_scene import HandScene
-from estimators.hand_geometry import sized
+from handscope.app.scene.hand_scene import HandScene
+from handscope.estimators.hand_geometry import sized
 from tests.app.scene.small_site import Site, site
 
 

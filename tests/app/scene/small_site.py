@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import uvicorn
 from fastapi import FastAPI, Request, Response, WebSocket
 
-from app.scene import bridge
-from app.scene.hand_scene import HandScene
+from handscope.app.scene import bridge
+from handscope.app.scene.hand_scene import HandScene
 
 COOKIE = {"name": "session", "value": "known"}
 WAIT = 90.0  # s until a test gives up

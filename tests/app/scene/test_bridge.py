@@ -10,12 +10,12 @@ import zstandard
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from app.scene import bones, bridge, postures
-from app.scene.bridge import PROTOCOL
-from app.scene.hand_scene import HandScene
-from estimators.hand_anatomy import JOINT
-from estimators.hand_geometry import sized
-from estimators.quaternions import Array
+from handscope.app.scene import bones, bridge, postures
+from handscope.app.scene.bridge import PROTOCOL
+from handscope.app.scene.hand_scene import HandScene
+from handscope.estimators.hand_anatomy import JOINT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.quaternions import Array
 from tests.app.scene.small_site import COOKIE, WAIT, Site, eventually, site
 
 

@@ -12,8 +12,8 @@ from playwright.sync_api import Browser, Page
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
-from app.scene.bridge import PROTOCOL
-from app.scene.hand_scene import HandScene
+from handscope.app.scene.bridge import PROTOCOL
+from handscope.app.scene.hand_scene import HandScene
 from tests.app.scene.small_site import COOKIE, SELDOM, Site, eventually, site
 
 pytestmark = pytest.mark.browser

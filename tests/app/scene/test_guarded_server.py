@@ -14,11 +14,11 @@ from viser import ViserServer
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from app.scene import postures
-from app.scene.bridge import PROTOCOL
-from app.scene.guarded_server import make_server, quiet
-from app.scene.hand_scene import HandScene
-from estimators.hand_geometry import sized
+from handscope.app.scene import postures
+from handscope.app.scene.bridge import PROTOCOL
+from handscope.app.scene.guarded_server import make_server, quiet
+from handscope.app.scene.hand_scene import HandScene
+from handscope.estimators.hand_geometry import sized
 from tests.app.scene.small_site import WAIT, eventually
 
 
@@ -112,7 +112,7 @@ def test_starting_and_stopping_prints_nothing(capfd: pytest.CaptureFixture[str])
 def test_a_refused_connection_leaves_one_short_line_for_who_debugs_and_nothing_else(
     caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    caplog.set_level(logging.DEBUG, "app.scene.guarded_server")
+    caplog.set_level(logging.DEBUG, "handscope.app.scene.guarded_server")
     with started(guarded=True) as (server, _):
         with pytest.raises(InvalidStatus):
             connected(server.get_port(), "http://evil.example")

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.scene import bones, postures, view
-from app.scene.finger_shape import finger_shape
-from app.scene.hand_mesh import HandMesh, hand_mesh
-from app.scene.highlight_mesh import highlight_parts
-from app.scene.skinned_mesh import Indices, SkinnedMesh, cut_out, posed
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import CHAINS, FINGERS, HANDS, IS_DOF, JOINT, LIMITS, SEGMENTS, Hand, side_sign
-from estimators.hand_geometry import HandGeometry, HandMeasures, sized
-from estimators.quaternions import Array
-from estimators.simulation import tasks
+from handscope.app.scene import bones, postures, view
+from handscope.app.scene.finger_shape import finger_shape
+from handscope.app.scene.hand_mesh import HandMesh, hand_mesh
+from handscope.app.scene.highlight_mesh import highlight_parts
+from handscope.app.scene.skinned_mesh import Indices, SkinnedMesh, cut_out, posed
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, HANDS, IS_DOF, JOINT, LIMITS, SEGMENTS, Hand, side_sign
+from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, sized
+from handscope.estimators.quaternions import Array
+from handscope.estimators.simulation import tasks
 
 MM, MM2 = 1e-3, 1e-6
 SIZES = {

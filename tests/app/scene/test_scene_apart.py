@@ -10,11 +10,11 @@ from multiprocessing import active_children
 import pytest
 from websockets.sync.client import ClientConnection
 
-from app.scene import bones, postures
-from app.scene.scene_apart import SceneApart
-from estimators.hand_anatomy import JOINT
-from estimators.hand_geometry import sized
-from estimators.quaternions import Array
+from handscope.app.scene import bones, postures
+from handscope.app.scene.scene_apart import SceneApart
+from handscope.estimators.hand_anatomy import JOINT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.quaternions import Array
 from tests.app.scene.small_site import WAIT, eventually
 from tests.app.scene.test_bridge import messages_of, turns
 from tests.app.scene.test_guarded_server import connected

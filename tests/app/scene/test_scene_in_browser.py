@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from app.scene import postures, view
-from app.scene.hand_scene import HandScene
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FINGERS, JOINT
-from estimators.simulation import tasks
+from handscope.app.scene import postures, view
+from handscope.app.scene.hand_scene import HandScene
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FINGERS, JOINT
+from handscope.estimators.simulation import tasks
 from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
 
 pytestmark = pytest.mark.browser

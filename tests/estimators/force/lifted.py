@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from estimators.methods import m2
-from estimators.processing import Processed, process
-from estimators.simulation import functional, held_object, kinematics, person, tasks
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.scenario import ForceGlove, Simulated, performed
-from estimators.simulation.sensors import PRESETS
-from estimators.simulation.tasks import Performance
+from handscope.estimators.methods import m2
+from handscope.estimators.processing import Processed, process
+from handscope.estimators.simulation import functional, held_object, kinematics, person, tasks
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
+from handscope.estimators.simulation.sensors import PRESETS
+from handscope.estimators.simulation.tasks import Performance
 
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed
 

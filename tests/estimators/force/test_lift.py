@@ -7,19 +7,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators.force import fingertip_forces
-from estimators.force.fingertip_forces import ForceParams
-from estimators.force.holding import Holding
-from estimators.gravity import GRAVITY
-from estimators.measures import in_hand, lift
-from estimators.measures.lift import Lift
-from estimators.processing import Processed
-from estimators.quaternions import Array
-from estimators.samples import FORCE, TORQUE, Block
-from estimators.simulation.force_sensors import ForceErrors
-from estimators.simulation.held_object import Mishap
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import Trajectory
+from handscope.estimators.force import fingertip_forces
+from handscope.estimators.force.fingertip_forces import ForceParams
+from handscope.estimators.force.holding import Holding
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.measures import in_hand, lift
+from handscope.estimators.measures.lift import Lift
+from handscope.estimators.processing import Processed
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import FORCE, TORQUE, Block
+from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.held_object import Mishap
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import Trajectory
 from tests.estimators.force.lifted import done, followed
 
 Change = Callable[[Array, Array], Array]

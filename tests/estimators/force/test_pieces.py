@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from estimators import quaternions as quat
-from estimators.force import balance, contact, fingertip_torques, identification, interpolation, tip_orientation, zero
-from estimators.force.tip_orientation import TipParams, Tips
-from estimators.quaternions import Array
+from handscope.estimators import quaternions as quat
+from handscope.estimators.force import balance, contact, fingertip_torques, identification, interpolation, tip_orientation, zero
+from handscope.estimators.force.tip_orientation import TipParams, Tips
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.force.sensor import SolveParams, old, solve, stuck
-from estimators.quaternions import Array
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.sensor import SolveParams, old, solve, stuck
+from handscope.estimators.quaternions import Array
 
 DEG = np.pi / 180
 WAYS = np.vstack([np.eye(3), -np.eye(3)])

@@ -6,15 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators.force import exchange, frequency_response
-from estimators.hand_anatomy import FLEXION, JOINT
-from estimators.measures import in_hand, squeeze
-from estimators.measures.figure import Figure
-from estimators.samples import Block
-from estimators.simulation import held_object
-from estimators.simulation.held_object import Mishap
-from estimators.simulation.scenario import Simulated
-from estimators.trajectory import ForceFlag, Trajectory
+from handscope.estimators.force import exchange, frequency_response
+from handscope.estimators.hand_anatomy import FLEXION, JOINT
+from handscope.estimators.measures import in_hand, squeeze
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.samples import Block
+from handscope.estimators.simulation import held_object
+from handscope.estimators.simulation.held_object import Mishap
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.trajectory import ForceFlag, Trajectory
 from tests.estimators.force.lifted import done, followed
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.calibration import Calibration, SensorQuality
-from estimators.hand_anatomy import JOINT, JOINTS, SEGMENT
-from estimators.hand_geometry import sized
-from estimators.measures.accuracy import ANGLE, ANGLE_UNPOSED, CMC, DEG, OWN, TIP, accuracy_of, with_sd
-from estimators.trajectory import Flag
+from handscope.estimators.calibration import Calibration, SensorQuality
+from handscope.estimators.hand_anatomy import JOINT, JOINTS, SEGMENT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures.accuracy import ANGLE, ANGLE_UNPOSED, CMC, DEG, OWN, TIP, accuracy_of, with_sd
+from handscope.estimators.trajectory import Flag
 from tests.estimators.measures.trajectories import made
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.measures.clock_drift import synchronised_clocks, with_drift
-from estimators.measures.synchronisation import Signal, synchronised
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.clock_drift import synchronised_clocks, with_drift
+from handscope.estimators.measures.synchronisation import Signal, synchronised
 from tests.estimators.measures.movements import movement
 
 PPM = 1e-6

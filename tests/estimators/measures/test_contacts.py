@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from estimators.hand_geometry import sized
-from estimators.measures import pinch, self_check
-from estimators.measures.asked import Asked, Mark
-from estimators.measures.contacts import contacts_of, errors
-from estimators.simulation import held
-from estimators.simulation.scenario import performed
-from estimators.simulation.sensors import IDEAL
-from estimators.simulation.tasks import initial_pose
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures import pinch, self_check
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.measures.contacts import contacts_of, errors
+from handscope.estimators.simulation import held
+from handscope.estimators.simulation.scenario import performed
+from handscope.estimators.simulation.sensors import IDEAL
+from handscope.estimators.simulation.tasks import initial_pose
 from tests.estimators.measures.trajectories import by_name, made
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.errors import InputError
-from estimators.measures import open_close, pronation_supination, tapping
-from estimators.measures.cycles import Params
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures import open_close, pronation_supination, tapping
+from handscope.estimators.measures.cycles import Params
 from tests.estimators.measures.trajectories import by_name
 
 DEG = np.pi / 180
@@ -99,7 +99,7 @@ def test_slopes_have_their_standard_errors() -> None:
     """The spread of the slope over many noisy trials is what a single one says."""
     rng = np.random.default_rng(5)
     params, slopes, said = Params(), [], []
-    from estimators.measures.cycle_figures import _slope
+    from handscope.estimators.measures.cycle_figures import _slope
 
     for _ in range(400):
         slope, error = _slope(params, 60 + rng.normal(0, 5, 20))

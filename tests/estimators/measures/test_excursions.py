@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.measures.excursions import excursions, repetitions
+from handscope.estimators.measures.excursions import excursions, repetitions
 from tests.app.report.simulated_sessions import session
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import DEVIATION, FLEXION, JOINT, JOINTS, PRONATION, SEGMENT, SEGMENTS, Hand
-from estimators.measures import finger_spread, forearm_rotation, thumb_abduction
-from estimators.measures.held_angles import Params
-from estimators.trajectory import Flag
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import DEVIATION, FLEXION, JOINT, JOINTS, PRONATION, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.measures import finger_spread, forearm_rotation, thumb_abduction
+from handscope.estimators.measures.held_angles import Params
+from handscope.estimators.trajectory import Flag
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

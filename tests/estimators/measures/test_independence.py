@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import FLEXION, JOINT, JOINTS
-from estimators.measures import independence
-from estimators.measures.asked import Asked, Mark
-from estimators.measures.independence import Params, of_sums
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS
+from handscope.estimators.measures import independence
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.measures.independence import Params, of_sums
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import JOINT, JOINTS, Hand, side_sign
-from estimators.hand_geometry import sized
-from estimators.measures import kapandji
-from estimators.measures.asked import Asked, Mark
-from estimators.measures.kapandji import Params, distances, landmarks, score_of
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators.hand_anatomy import JOINT, JOINTS, Hand, side_sign
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.measures import kapandji
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.measures.kapandji import Params, distances, landmarks, score_of
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.measures.trajectories import by_name, made
 
 

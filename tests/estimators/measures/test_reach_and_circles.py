@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.measures import circles, reach
-from estimators.measures.asked import Asked, Mark
-from estimators.measures.reach import Params
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.measures import circles, reach
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.measures.reach import Params
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.measures import reach, reach_place, trunk_displacement
-from estimators.measures.asked import Asked, Mark
-from estimators.measures.figure import Figure
-from estimators.trajectory import PlaceFlag, Trajectory
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.measures import reach, reach_place, trunk_displacement
+from handscope.estimators.measures.asked import Asked, Mark
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.trajectory import PlaceFlag, Trajectory
 from tests.estimators.measures.trajectories import by_name, made
 
 T = np.arange(0, 8, 0.01)

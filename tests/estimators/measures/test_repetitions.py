@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.measures.repetitions import count
+from handscope.estimators.measures.repetitions import count
 
 RATE = 60.0  # Hz
 LEAST = 8.0  # deg

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.errors import InputError
-from estimators.measures.smoothness import dimensionless_jerk, log_dimensionless_jerk, movement_units, sparc
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.smoothness import dimensionless_jerk, log_dimensionless_jerk, movement_units, sparc
 
 SPEED = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
 

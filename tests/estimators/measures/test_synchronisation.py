@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.measures.synchronisation import Signal, fit_at, interpolated, synchronised
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.synchronisation import Signal, fit_at, interpolated, synchronised
 from tests.estimators.measures.movements import movement, sampled
 from tests.simulated import DEG
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import FINGERS
-from estimators.measures.tip_errors import brought, centre_of_rotation, tip_errors
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.measures.tip_errors import brought, centre_of_rotation, tip_errors
 
 T = np.arange(0, 20, 0.02)
 WRIST = np.array([1.2, -0.4, 0.9])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT
-from estimators.measures import total_active_motion
-from estimators.measures.total_active_motion import Motion, Params, graded_as, strickland
-from estimators.trajectory import Flag, Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT
+from handscope.estimators.measures import total_active_motion
+from handscope.estimators.measures.total_active_motion import Motion, Params, graded_as, strickland
+from handscope.estimators.trajectory import Flag, Trajectory
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import trajectory
-from estimators.hand_anatomy import JOINTS, SEGMENTS, Hand
-from estimators.measures.figure import Figure
-from estimators.trajectory import Trajectory
+from handscope.estimators import trajectory
+from handscope.estimators.hand_anatomy import JOINTS, SEGMENTS, Hand
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.trajectory import Trajectory
 
 RATE = 100.0
 

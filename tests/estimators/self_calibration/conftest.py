@@ -2,8 +2,8 @@
 
 import pytest
 
-from estimators.self_calibration import solver
-from estimators.self_calibration.solver import Solution
+from handscope.estimators.self_calibration import solver
+from handscope.estimators.self_calibration.solver import Solution
 from tests.estimators.self_calibration.fingers import DURATION, cold, recorded
 
 

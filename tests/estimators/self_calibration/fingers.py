@@ -6,20 +6,20 @@ from functools import cache
 
 import numpy as np
 
-from estimators import joint_observability
-from estimators import quaternions as quat
-from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT
-from estimators.joint_observability import Limb, Observed, Told
-from estimators.quaternions import Array
-from estimators.samples import Block
-from estimators.self_calibration import first_guess, recordings
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, Z, chain, mounted, posed
-from estimators.simulation import artificial_finger
-from estimators.simulation.artificial_finger import SEGMENTS
-from estimators.simulation.motion import COORDINATES
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators import joint_observability
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENT
+from handscope.estimators.joint_observability import Limb, Observed, Told
+from handscope.estimators.quaternions import Array
+from handscope.estimators.samples import Block
+from handscope.estimators.self_calibration import first_guess, recordings
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, Z, chain, mounted, posed
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.artificial_finger import SEGMENTS
+from handscope.estimators.simulation.motion import COORDINATES
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import IDEAL
 
 WHITE = replace(IDEAL, gyr_noise=0.01, acc_noise=300e-6, gyr_bias=0.5, acc_bias=0.05)  # MPU-9250: noise and constant biases only
 DURATION = 16.0  # s

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.errors import InputError
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.self_calibration import recordings, steadiness, words
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.recordings import DOUBTFUL
-from estimators.self_calibration.solver import Solution
+from handscope.estimators.errors import InputError
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.self_calibration import recordings, steadiness, words
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.recordings import DOUBTFUL
+from handscope.estimators.self_calibration.solver import Solution
 from tests.estimators.self_calibration.fingers import SEGMENTS, readings, recorded
 
 LIMITS = {1: 250.0, 2: 150.0, 3: 190.0}  # deg/s by row

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.self_calibration import covariance, solver
-from estimators.self_calibration.problem import columns
-from estimators.self_calibration.solver import Solution
-from estimators.simulation.artificial_finger import DISTANCES, HINGES
+from handscope.estimators.self_calibration import covariance, solver
+from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.simulation.artificial_finger import DISTANCES, HINGES
 from tests.estimators.self_calibration.fingers import cold, distances, lengths, stiffened
 
 TURNS = tuple(f"forearm_{angle}" for angle in ("flexion", "deviation", "pronation"))

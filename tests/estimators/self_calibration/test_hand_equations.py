@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.quaternions import Array
-from estimators.self_calibration import hand_equations, hand_problem, residuals
-from estimators.self_calibration.hand_problem import HandPlace, HandProblem
-from estimators.self_calibration.problem import Noise, Readings, Unknowns, chain, measured, posed
+from handscope.estimators import quaternions as quat
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import hand_equations, hand_problem, residuals
+from handscope.estimators.self_calibration.hand_problem import HandPlace, HandProblem
+from handscope.estimators.self_calibration.problem import Noise, Readings, Unknowns, chain, measured, posed
 
 SAMPLES = 5
 LIMBS = (("hand", "index_proximal", "index_middle"), ("hand", "forearm"))

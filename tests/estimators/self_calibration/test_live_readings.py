@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import SEGMENT
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.self_calibration import live_readings, recordings
+from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.self_calibration import live_readings, recordings
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 200.0, 480.0])

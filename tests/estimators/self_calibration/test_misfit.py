@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.quaternions import Array
-from estimators.self_calibration import hand_equations, misfit, normal_equations, residuals, solver, steadiness, words
-from estimators.self_calibration.findings import Finger
-from estimators.self_calibration.problem import Unknowns
-from estimators.self_calibration.solver import Solution
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import hand_equations, misfit, normal_equations, residuals, solver, steadiness, words
+from handscope.estimators.self_calibration.findings import Finger
+from handscope.estimators.self_calibration.problem import Unknowns
+from handscope.estimators.self_calibration.solver import Solution
 from tests.estimators.self_calibration.test_hand_equations import _somewhere
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from estimators.quaternions import Array
-from estimators.self_calibration import normal_equations
-from estimators.self_calibration.normal_equations import Normal
-from estimators.self_calibration.residuals import Terms
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations
+from handscope.estimators.self_calibration.normal_equations import Normal
+from handscope.estimators.self_calibration.residuals import Terms
 
 N, E, P = 9, 4, 3
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from estimators.errors import InputError
-from estimators.self_calibration import order, steadiness, words
-from estimators.self_calibration.findings import Asked
-from estimators.self_calibration.problem import Noise, Problem, Readings
-from estimators.self_calibration.solver import Solution
+from handscope.estimators.errors import InputError
+from handscope.estimators.self_calibration import order, steadiness, words
+from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.self_calibration.problem import Noise, Problem, Readings
+from handscope.estimators.self_calibration.solver import Solution
 from tests.estimators.self_calibration.fingers import DURATION, HINGED, cold, readings, recorded, slipped
 
 

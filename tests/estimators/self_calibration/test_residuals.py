@@ -4,12 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
-from estimators.quaternions import Array
-from estimators.self_calibration import posterior, residuals
-from estimators.self_calibration.problem import (
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import posterior, residuals
+from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
     Readings,
@@ -23,10 +23,10 @@ from estimators.self_calibration.problem import (
     posed,
     turned,
 )
-from estimators.self_calibration.skin import right_jacobian
-from estimators.simulation import artificial_finger
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import IDEAL
+from handscope.estimators.self_calibration.skin import right_jacobian
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.self_calibration.fingers import HINGED, readings
 
 SAMPLES = 5

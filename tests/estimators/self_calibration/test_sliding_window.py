@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators import quaternions as quat
-from estimators.self_calibration import normal_equations, sliding_window
-from estimators.self_calibration.problem import Noise, Readings, columns
-from estimators.self_calibration.sliding_window import Slid, Window
+from handscope.estimators import quaternions as quat
+from handscope.estimators.self_calibration import normal_equations, sliding_window
+from handscope.estimators.self_calibration.problem import Noise, Readings, columns
+from handscope.estimators.self_calibration.sliding_window import Slid, Window
 from tests.estimators.self_calibration.fingers import HINGED, cold, lengths, readings, recorded
 
 STRAIGHT = 10.0  # rad: nothing is known of a pose

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import FLEXION, JOINT
-from estimators.self_calibration import normal_equations, posterior, segments, solver, steadiness
-from estimators.self_calibration.problem import columns
-from estimators.self_calibration.solver import Limits, Solution
-from estimators.simulation import artificial_finger
-from estimators.simulation.artificial_finger import SEGMENTS
+from handscope.estimators.hand_anatomy import FLEXION, JOINT
+from handscope.estimators.self_calibration import normal_equations, posterior, segments, solver, steadiness
+from handscope.estimators.self_calibration.problem import columns
+from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.simulation import artificial_finger
+from handscope.estimators.simulation.artificial_finger import SEGMENTS
 from tests.estimators.self_calibration.fingers import DURATION, WHITE, cold, distances, lengths, readings, recorded, slipped
 
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.errors import InputError
-from estimators.quaternions import Array
-from estimators.self_calibration import certainty, segments, solver, words
-from estimators.self_calibration.findings import Finger
-from estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
-from estimators.self_calibration.segments import Segments
-from estimators.self_calibration.solver import Limits, Solution
-from estimators.simulation.artificial_finger import HINGES, SEGMENTS
-from estimators.simulation.scenario import Simulated
+from handscope.estimators import quaternions as quat
+from handscope.estimators.errors import InputError
+from handscope.estimators.quaternions import Array
+from handscope.estimators.self_calibration import certainty, segments, solver, words
+from handscope.estimators.self_calibration.findings import Finger
+from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, measured
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.simulation.artificial_finger import HINGES, SEGMENTS
+from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import cold, recorded
 
 MEASURED = Noise(length=0.2)  # mm

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.qualisys import read_markers
-from estimators import quaternions as quat
-from estimators.hand_anatomy import IS_DOF, JOINTS, LIMITS, SEGMENT, Hand
-from estimators.hand_geometry import sized
-from estimators.simulation import captured, kinematics, tasks
-from estimators.simulation.captured import Captured, Markers
-from estimators.simulation.motion import COORDINATES, posture, through
+from handscope.app.qualisys import read_markers
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import IS_DOF, JOINTS, LIMITS, SEGMENT, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation import captured, kinematics, tasks
+from handscope.estimators.simulation.captured import Captured, Markers
+from handscope.estimators.simulation.motion import COORDINATES, posture, through
 from tests.simulated import DEG
 
 PILLOW = Path(__file__).parent / "pillow_grasp.tsv.gz"

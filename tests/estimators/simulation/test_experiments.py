@@ -6,19 +6,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators.fingertips import FINGERTIPS, contact_points, contact_points_of
-from estimators.hand_anatomy import FINGERS, HANDS, IS_DOF, JOINT, JOINTS, LIMITS, Hand
-from estimators.hand_geometry import HandGeometry
-from estimators.samples import ACC, GYR
-from estimators.simulation import kinematics, person, tasks
-from estimators.simulation.experiments import EXPERIMENTS, KORTIER2, OTHERS, TABLE6, TABLE7, Experiment, judged, recorded
-from estimators.simulation.grasp import NATURAL
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.magnetic_field import office
-from estimators.simulation.motion import COORDINATES
-from estimators.simulation.scenario import Simulated
-from estimators.simulation.sensors import IDEAL, SensorErrors
-from estimators.simulation.tasks import Performance
+from handscope.estimators.fingertips import FINGERTIPS, contact_points, contact_points_of
+from handscope.estimators.hand_anatomy import FINGERS, HANDS, IS_DOF, JOINT, JOINTS, LIMITS, Hand
+from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.samples import ACC, GYR
+from handscope.estimators.simulation import kinematics, person, tasks
+from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, OTHERS, TABLE6, TABLE7, Experiment, judged, recorded
+from handscope.estimators.simulation.grasp import NATURAL
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.magnetic_field import office
+from handscope.estimators.simulation.motion import COORDINATES
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators.simulation.tasks import Performance
 from tests.simulated import DEG
 
 FAST = ("tapping", "open_close 116/min")

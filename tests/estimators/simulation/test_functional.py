@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from estimators.functional_steps import STEPS
-from estimators.hand_anatomy import HANDS, IS_DOF, JOINTS, LIMITS, Hand
-from estimators.hand_geometry import sized
-from estimators.simulation import functional, tasks
-from estimators.simulation.functional import Carelessness
-from estimators.simulation.motion import COORDINATES
+from handscope.estimators.functional_steps import STEPS
+from handscope.estimators.hand_anatomy import HANDS, IS_DOF, JOINTS, LIMITS, Hand
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.simulation.functional import Carelessness
+from handscope.estimators.simulation.motion import COORDINATES
 from tests.simulated import DEG
 
 every_step = pytest.mark.parametrize("step", functional.STEPS)

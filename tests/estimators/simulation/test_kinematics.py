@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators import forward_kinematics, joint_angles
-from estimators import quaternions as quat
-from estimators.hand_anatomy import IS_DOF, SEGMENT
-from estimators.hand_geometry import sized
-from estimators.simulation import giving, kinematics
-from estimators.simulation.kinematics import Kinematics
-from estimators.simulation.motion import SIZE, Motion, after, shifted, through
+from handscope.estimators import forward_kinematics, joint_angles
+from handscope.estimators import quaternions as quat
+from handscope.estimators.hand_anatomy import IS_DOF, SEGMENT
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation import giving, kinematics
+from handscope.estimators.simulation.kinematics import Kinematics
+from handscope.estimators.simulation.motion import SIZE, Motion, after, shifted, through
 
 DT = 1e-4  # s
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.simulation.magnetic_field import DIP, EARTH, homogeneous, office
+from handscope.estimators.simulation.magnetic_field import DIP, EARTH, homogeneous, office
 from tests.simulated import DEG
 
 

@@ -5,9 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import CHAINS, FINGERS, HANDS
-from estimators.hand_geometry import RATIOS, TIP_TISSUE_SD, HandGeometry
-from estimators.simulation.person import Anatomy, drawn
+from handscope.estimators.hand_anatomy import CHAINS, FINGERS, HANDS
+from handscope.estimators.hand_geometry import RATIOS, TIP_TISSUE_SD, HandGeometry
+from handscope.estimators.simulation.person import Anatomy, drawn
 
 PEOPLE = [drawn("left", np.random.default_rng(seed)) for seed in range(200)]
 ALIKE = replace(Anatomy(), **dict.fromkeys((f.name for f in fields(Anatomy)), 0.0))

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators import quaternions as quat
-from estimators.gravity import GRAVITY
-from estimators.hand_anatomy import SEGMENT, SEGMENTS
-from estimators.hand_geometry import sized
-from estimators.options import describe
-from estimators.simulation import kinematics, sensors, tasks
-from estimators.simulation.motion import posture, through
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import IDEAL, SensorErrors
+from handscope.estimators import quaternions as quat
+from handscope.estimators.gravity import GRAVITY
+from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.options import describe
+from handscope.estimators.simulation import kinematics, sensors, tasks
+from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG
 
 T = np.arange(0, 2, 0.01)

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.hand_anatomy import IS_DOF, JOINTS, LIMITS
-from estimators.hand_geometry import sized
-from estimators.simulation import tasks
-from estimators.simulation.grasp import pinch, reach, tips_of
-from estimators.simulation.motion import COORDINATES, posture
+from handscope.estimators.hand_anatomy import IS_DOF, JOINTS, LIMITS
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.simulation import tasks
+from handscope.estimators.simulation.grasp import pinch, reach, tips_of
+from handscope.estimators.simulation.motion import COORDINATES, posture
 from tests.simulated import DEG
 
 every_task = pytest.mark.parametrize("name", tasks.TASKS)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from estimators.hand_geometry import sized
-from estimators.options import describe
-from estimators.samples import ACC, GYR, Block, Stream
-from estimators.simulation.person import Anatomy
-from estimators.simulation.scenario import simulate
-from estimators.simulation.sensors import IDEAL, PRESETS
-from estimators.simulation.transmission import LINKS, OSCILLATOR, Transmission, clock_rate, through
+from handscope.estimators.hand_geometry import sized
+from handscope.estimators.options import describe
+from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.simulation.person import Anatomy
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import IDEAL, PRESETS
+from handscope.estimators.simulation.transmission import LINKS, OSCILLATOR, Transmission, clock_rate, through
 
 T = np.arange(0.0, 600.0, 0.01)
 SENT = Block(Stream("imu", ("hand", "index_distal"), (GYR, ACC), 100.0), T, np.ones((len(T), 2, 6)))

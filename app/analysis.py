@@ -1,0 +1,37 @@
+"""Analysis from Python: load a recording, run a method over it. `import handscope` re-exports these functions."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from handscope.app.options import with_options
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.processing import Processed
+from handscope.estimators.processing import process as process_recording
+from handscope.estimators.samples import Recording
+from handscope.sessions import formats
+from handscope.sessions.recording import LoadedRecording
+
+
+def load(path: str | PathLike[str], hand: Hand | None = None) -> LoadedRecording:
+    """Read a recording: a native file, or a Motion-BIDS folder or zip.
+
+    `hand` ("left" or "right") is needed only where the recording does not say it. InputError where the file cannot be read.
+    """
+    return formats.load(Path(path), hand)
+
+
+def process(recording: Recording | str | PathLike[str], method: str = "m2", **options: Any) -> Processed:
+    """Run a method over a recording or the path of one.
+
+    `options` are those that `handscope process --help` lists, with the same names and units. InputError for an unknown
+    method or option, and for a recording that cannot be calibrated.
+    """
+    if isinstance(recording, (str, PathLike)):
+        recording = load(recording)
+    if method not in ALL_METHODS:
+        raise InputError(f"there is no method {method}; choose one of {', '.join(ALL_METHODS)}")
+    chosen = ALL_METHODS[method]
+    return process_recording(chosen, with_options(chosen.Params(), options), recording)

@@ -1,0 +1,58 @@
+"""What is installed: one name, every file of the rooms, every import declared, and programs that ignore the folder they are started in."""
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+from tests.app.devices.virtual import virtual_glove
+from tests.test_architecture import MODULES, ROOT, imports
+
+ROOMS = ("app", "estimators", "sessions", "static")
+PROGRAM = Path(sys.executable).with_name("handscope")
+BY_NAME = {"python-multipart"}  # FastAPI reads forms with it and nobody imports it
+
+
+def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(tmp_path), "."]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    held = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0] for name in held if ".dist-info/" not in name} == {"handscope"}
+    listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    assert [name for name in listed if f"handscope/{name}" not in held] == []
+
+
+def test_a_recording_ignores_files_of_the_folder_it_is_started_in(tmp_path: Path) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    for name in ("estimators", "app", "sessions", "numpy", "json", "serialx"):
+        (here / f"{name}.py").write_text("raise SystemExit('imported from the working folder')\n")
+    with virtual_glove(tmp_path / "glove", "--hand", "left") as port:
+        words = [str(PROGRAM), "record", str(port), "--out", "r.mcap", "--seconds", "1"]
+        done = subprocess.run(words, cwd=here, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (here / "r.mcap").stat().st_size > 10_000
+
+
+def _names(requirements: list[str]) -> set[str]:
+    """Names of distributions as they are compared: lower case, one kind of dash."""
+    return {re.split(r"[\[<>=!~; ]", r)[0].lower().replace("_", "-") for r in requirements}
+
+
+def _imported() -> set[str]:
+    """Distributions that modules outside the tests import."""
+    product = [p for p in MODULES if p.relative_to(ROOT).parts[0] != "tests"]
+    names = {i.split(".")[0] for p in product for i in imports(p.read_text(), "handscope.x") if i}
+    known = packages_distributions()
+    return _names([known[name][0] for name in names if name in known]) - {"handscope"}
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_used() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = _names(project["dependencies"])
+    extras = _names([r for extra, rs in project["optional-dependencies"].items() if extra != "dev" for r in rs])
+    assert (sorted(_imported() - declared - extras), sorted(declared - _imported() - BY_NAME)) == ([], [])
