@@ -55,8 +55,8 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 
 $(VENV)/runs: $(VENV)/installed
 	@echo "translating the estimators to machine code, once ..."
-	@find app estimators sessions -name '*.nb[ic]' -delete  # code of an earlier version, perhaps of modules that were renamed
-	$(BIN)/python -P -m handscope.app.translation
+	@find app estimators sessions validation -name '*.nb[ic]' -delete  # code of an earlier version, perhaps of modules that were renamed
+	$(BIN)/python -P -m handscope.app.compile_kernels
 	@touch $@
 
 $(VENV)/develops: $(VENV)/installed requirements-dev.lock
@@ -66,7 +66,7 @@ $(VENV)/develops: $(VENV)/installed requirements-dev.lock
 # The rooms as the one package that they are installed as: what type checkers and editors read
 .types/handscope:
 	@mkdir -p $@
-	@for part in handscope/__init__.py handscope/py.typed app estimators sessions static; do ln -sfn ../../$$part $@/; done
+	@for part in handscope/__init__.py handscope/py.typed app estimators sessions static validation; do ln -sfn ../../$$part $@/; done
 
 # What a server of a hospital has besides: PostgreSQL, figures for Prometheus, object storage
 $(VENV)/serves: $(VENV)/runs requirements-server.lock

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from handscope.app.options import with_options
+from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import Hand
+from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.processing import Processed
-from handscope.estimators.processing import process as process_recording
-from handscope.estimators.samples import Recording
-from handscope.sessions import formats
-from handscope.sessions.recording import LoadedRecording
+from handscope.estimators.pipeline.process import Processed
+from handscope.estimators.pipeline.process import process as process_recording
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
 
 
 def load(path: str | PathLike[str], hand: Hand | None = None) -> LoadedRecording:
@@ -20,7 +20,7 @@ def load(path: str | PathLike[str], hand: Hand | None = None) -> LoadedRecording
 
     `hand` ("left" or "right") is needed only where the recording does not say it. InputError where the file cannot be read.
     """
-    return formats.load(Path(path), hand)
+    return formats_recordings.load(Path(path), hand)
 
 
 def process(recording: Recording | str | PathLike[str], method: str = "m2", **options: Any) -> Processed:

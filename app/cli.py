@@ -33,6 +33,7 @@ VERBS = {
     "bench": "speed and memory of the hot paths",
     "reproduce": "the figures that the papers report, measured again on simulated and real recordings",
 }
+EVIDENCE = {"bench", "reproduce"}  # verbs of handscope.validation
 
 
 class Parser(argparse.ArgumentParser):
@@ -61,7 +62,8 @@ def _done(words: Sequence[str] | None) -> int:
     for verb, meaning in VERBS.items():
         sub = verbs.add_parser(verb, help=meaning, description=meaning, formatter_class=argparse.RawDescriptionHelpFormatter)
         if verb == wanted:  # only the verb asked for is imported: the others' imports cost time
-            module = import_module(f"handscope.app.commands.{verb.replace('-', '_')}")
+            room = "validation" if verb in EVIDENCE else "app"
+            module = import_module(f"handscope.{room}.commands.{verb.replace('-', '_')}")
             module.add(sub)
             sub.set_defaults(run=module.run)
     arguments = parser.parse_args(given)
@@ -71,7 +73,7 @@ def _done(words: Sequence[str] | None) -> int:
         print(f"handscope {arguments.verb}: {mistake}", file=sys.stderr)  # noqa: T201  the user's answer
         return 2
     except Exception as problem:
-        from handscope.sessions.full_disk import FULL, is_full
+        from handscope.sessions.db.full_disk import FULL, is_full
 
         if not is_full(problem):
             raise

@@ -8,11 +8,11 @@ from sqlalchemy.exc import DBAPIError
 
 from handscope.app.live.station import Station
 from handscope.estimators.errors import InputError
-from handscope.sessions.store import free_bytes
-from handscope.sessions.tables import AuditLine, Result
+from handscope.sessions.db.tables import AuditLine, Result
+from handscope.sessions.store.store import free_bytes
 
 if TYPE_CHECKING:
-    from handscope.app.api.state import Parts
+    from handscope.app.state import Parts
 
 STATES = ("queued", "running", "failed")
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from handscope.estimators.data.options import Description, describe
 from handscope.estimators.errors import InputError
-from handscope.estimators.options import Description, describe
 
 
 def with_options(params_type: type, given: Mapping[str, Any]) -> Any:

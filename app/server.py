@@ -16,31 +16,31 @@ from handscope.app.api import (
     accounts,
     errors,
     languages,
-    login,
+    login_routes,
     methods,
+    oidc_routes,
     pages,
     patients,
     progress,
     results,
     self_calibrations,
     sessions,
-    sign_on,
     stations,
 )
-from handscope.app.api.access import Gate
-from handscope.app.api.roles import EVERY_ACCOUNT, May
-from handscope.app.api.state import Parts
-from handscope.app.jobs import Jobs
+from handscope.app.auth.gate import Gate
+from handscope.app.auth.roles import EVERY_ACCOUNT, May
+from handscope.app.job_queue import Jobs
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
-from handscope.app.moving_out import MovingOut
-from handscope.app.opening import Opening
 from handscope.app.settings import Settings
+from handscope.app.state import Parts
 from handscope.app.version import software_version
+from handscope.app.workers.storage_mover import MovingOut
+from handscope.app.workers.upload_reader import Opening
 from handscope.estimators.errors import InputError
-from handscope.sessions import records
-from handscope.sessions import self_calibrations as kept_calibrations
-from handscope.sessions.store import Store, open_store
+from handscope.sessions.clinic import self_calibrations as kept_calibrations
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
 
@@ -86,11 +86,11 @@ def create_app(settings: Settings) -> FastAPI:
         middleware=[*proxies, Middleware(Gate, store=store, settings=settings)],
     )
     errors.install(app)
-    for module in (accounts, patients, progress, sessions, results, self_calibrations, stations, methods, login):
+    for module in (accounts, patients, progress, sessions, results, self_calibrations, stations, methods, login_routes):
         app.include_router(module.router, prefix="/api")
     app.include_router(accounts.own, prefix="/api")
-    app.include_router(login.pages)
-    app.include_router(sign_on.router)
+    app.include_router(login_routes.pages)
+    app.include_router(oidc_routes.router)
     app.include_router(languages.router)
     app.include_router(pages.router)
     app.mount("/static", Files(directory=pages.STATIC), name="static")

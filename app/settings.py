@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from handscope.app.single_sign_on import SignOn
+from handscope.app.auth.oidc import SignOn
 
 
 @dataclass(frozen=True, kw_only=True)

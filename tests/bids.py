@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.samples import FORCE, MAG, TORQUE, Block, Event, Stream
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import FORCE, MAG, TORQUE, Block, Event, Stream
+from handscope.estimators.numerics import quaternions as quat
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.recording import LoadedRecording
 from tests.simulated import in_strips, loaded
 
 Files = dict[str, bytes]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 from playwright.sync_api import Browser, sync_playwright
 
-from handscope.app.working_process import CONTEXT
+from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
 from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
@@ -27,7 +27,7 @@ settings.register_profile(
 settings.register_profile("thorough", parent=settings.get_profile("handscope"), max_examples=1000, derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
 CONTEXT.set_forkserver_preload(
-    ["handscope.app.forked_from", "handscope.app.commands.serve", "handscope.app.commands.glove"]
+    ["handscope.app.preload", "handscope.app.commands.serve", "handscope.app.commands.glove"]
 )  # tests fork these, too
 
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.imu_calibration import ImuCalibration
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, MAG
+from handscope.estimators.data.samples import ACC, GYR, MAG
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.estimators.simulation import sensors
 from handscope.estimators.simulation.sensors import SensorErrors
 

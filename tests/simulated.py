@@ -6,16 +6,18 @@ from functools import cache
 
 import numpy as np
 
-from handscope.estimators import initial_pose, run, trajectory
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENTS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
-from handscope.estimators.samples import Block, Stream
+from handscope.estimators.pipeline import run
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
-from handscope.estimators.trajectory import Trajectory
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.recording import LoadedRecording
 
 DEG = np.pi / 180
 INSTANT = m2.Params(gyr_reading="instant")  # as the simulated gyroscopes read

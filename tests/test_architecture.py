@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = ("handscope.app", "handscope.sessions", "handscope.estimators")  # each may import those behind it
+ROOMS = ("handscope.validation", "handscope.app", "handscope.sessions", "handscope.estimators")  # each may import those behind it
 NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock
@@ -18,18 +18,20 @@ IMPURE = {
     *("random", "secrets", "uuid"),
     *("logging", "warnings", "sys", "subprocess", "threading", "multiprocessing", "signal", "ctypes"),
 }
-SKELETON = (
-    "quaternions",
-    "dual_quaternions",
-    "hand_anatomy",
-    "hand_geometry",
-    "joint_angles",
-    "forward_kinematics",
-    "fingertips",
-)  # maths and hand model
-VALUES = ("samples", "events", "magnet_plate", "trajectory", "options", "errors", "gravity")
+SKELETON = ("numerics", "hand")  # what a simulator may know besides itself
+VALUES = ("data", "errors")
+LEVELS = {  # a package imports packages of lower levels only
+    "handscope.estimators": (
+        *("errors", "numerics", "hand", "data", "sensors magnet.model", "orientation force simulation"),
+        *("alignment magnet.array", "finger_ekf magnet.tracker self_calibration", "magnet.pipeline measures", "pipeline", "methods"),
+    ),
+    "handscope.sessions": ("db tables_io", "wire", "files", "motion_bids", "formats", "clinic", "store"),
+    "handscope.app": ("language protocols devices", "report", "workers", "scene results", "replay_file", "live", "auth", "api", "commands"),
+}
+MOST_FILES = 17  # of a folder, its __init__.py among them
+OF_ONE_KIND = {"measures", "commands", "protocols", "versions"}  # each file is one more of the same
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "managers", "common", "base", "misc"}
-LONGEST = 400  # lines
+LONGEST = 410  # lines
 MODULES = sorted(p for room in (*ROOMS, "handscope", "tests") for p in (ROOT / room.removeprefix("handscope.")).rglob("*.py"))
 
 
@@ -80,6 +82,20 @@ def test_imports_point_one_way(room: str) -> None:
     assert _offenders(room, ROOMS[: ROOMS.index(room)]) == []
 
 
+@pytest.mark.parametrize("room", LEVELS)
+def test_packages_import_lower_levels_only(room: str) -> None:
+    """The modules of a room itself (a server, its settings) put the packages together and stand outside the levels."""
+    level = {f"{room}.{package}": k for k, packages in enumerate(LEVELS[room]) for package in packages.split()}
+
+    def package(module: str) -> str | None:
+        return next((p for p in level if _is_within(module, p)), None)
+
+    inside = {_name(p) for p in _in(room) if p.parent != ROOT / room.removeprefix("handscope.")}
+    assert [name for name in inside if not package(name) and not any(p.startswith(f"{name}.") for p in level)] == []
+    arrows = [(p, i, package(_name(p)), package(i)) for p in _in(room) for i in _imports(p)]
+    assert [f"{_name(p)} imports {i}" for p, i, a, b in arrows if a and b and a != b and level[b] >= level[a]] == []
+
+
 def test_nothing_that_runs_imports_the_tests() -> None:
     assert [o for room in ROOMS for o in _offenders(room, ("tests",))] == []
 
@@ -125,3 +141,8 @@ def test_modules_import_by_name_and_are_short() -> None:
 
 def test_names_say_what_is_inside() -> None:
     assert [str(p.relative_to(ROOT)) for p in MODULES if VAGUE & {part.removesuffix(".py") for part in p.relative_to(ROOT).parts}] == []
+
+
+def test_folders_are_small_enough_to_be_looked_over() -> None:
+    folders = {p.parent for p in MODULES if p.parent.name not in OF_ONE_KIND}
+    assert [str(f.relative_to(ROOT)) for f in folders if len(list(f.glob("*.py"))) > MOST_FILES] == []

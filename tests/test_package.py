@@ -1,6 +1,7 @@
 """What is installed: one name, every file of the rooms, every import declared, and programs that ignore the folder they are started in."""
 
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -11,19 +12,27 @@ from pathlib import Path
 from tests.app.devices.virtual import virtual_glove
 from tests.test_architecture import MODULES, ROOT, imports
 
-ROOMS = ("app", "estimators", "sessions", "static")
+ROOMS = ("app", "estimators", "sessions", "static", "validation")
 PROGRAM = Path(sys.executable).with_name("handscope")
 BY_NAME = {"python-multipart"}  # FastAPI reads forms with it and nobody imports it
 
 
 def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(tmp_path), "."]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    source = tmp_path / "source"  # a build leaves folders beside what it reads
+    for name in _listed("*.py", "*.toml", "README.md", "LICENSE", "handscope", *ROOMS):
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, source / name)
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", "..", "."]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     held = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in held if ".dist-info/" not in name} == {"handscope"}
-    listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
-    assert [name for name in listed if f"handscope/{name}" not in held] == []
+    assert [name for name in _listed(*ROOMS) if f"handscope/{name}" not in held] == []
+
+
+def _listed(*patterns: str) -> list[str]:
+    """Files that git knows."""
+    return subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
 
 
 def test_a_recording_ignores_files_of_the_folder_it_is_started_in(tmp_path: Path) -> None:

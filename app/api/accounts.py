@@ -5,13 +5,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from handscope.app.api.access import cookie_of
-from handscope.app.api.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
-from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.app.auth.gate import cookie_of
+from handscope.app.auth.roles import ADMINISTRATOR, EVERY_ACCOUNT, WhoDep, address_of, may
+from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
-from handscope.sessions import accounts, audit, logins
-from handscope.sessions.accounts import LOCAL
-from handscope.sessions.tables import Account, AuditLine
+from handscope.sessions.clinic import accounts, audit
+from handscope.sessions.clinic.accounts import LOCAL
+from handscope.sessions.db.tables import Account, AuditLine
+from handscope.sessions.store import logins
 
 router = APIRouter(tags=["accounts"], dependencies=[may(ADMINISTRATOR)])
 own = APIRouter(tags=["accounts"], dependencies=[may(*EVERY_ACCOUNT)])

@@ -8,12 +8,12 @@ from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
-from handscope.app.api.state import preferred
+from handscope.app.state import preferred
 from handscope.estimators.errors import InputError
-from handscope.sessions.conflicts import ConflictError
-from handscope.sessions.full_disk import FULL, is_full
-from handscope.sessions.logins import ThrottledError
-from handscope.sessions.pseudonyms import UnconfirmedError
+from handscope.sessions.clinic.pseudonyms import UnconfirmedError
+from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.full_disk import FULL, is_full
+from handscope.sessions.store.logins import ThrottledError
 
 TOO_LARGE = "there is no such number: it is larger than any that the database can hold"
 NO_ROOM = 507  # HTTP: insufficient storage

@@ -7,7 +7,7 @@ from fastapi import APIRouter
 from starlette.responses import Response
 
 from handscope.app import language
-from handscope.app.api.roles import ANYBODY, may
+from handscope.app.auth.roles import ANYBODY, may
 from handscope.app.language import Language
 
 router = APIRouter(include_in_schema=False, dependencies=[may(ANYBODY)])

@@ -5,12 +5,12 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from handscope.app.api.roles import EVERY_ACCOUNT, may
 from handscope.app.api.sessions import NewResult
-from handscope.app.api.state import LanguageDep, PartsDep
+from handscope.app.auth.roles import EVERY_ACCOUNT, may
 from handscope.app.protocols import offered
+from handscope.app.state import LanguageDep, PartsDep
+from handscope.estimators.data.options import describe
 from handscope.estimators.methods import OFFERED
-from handscope.estimators.options import describe
 
 router = APIRouter(tags=["methods"], dependencies=[may(*EVERY_ACCOUNT)])
 

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Request, WebSocket
 from starlette.responses import FileResponse, Response
 
 from handscope import static
-from handscope.app.api.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
-from handscope.app.api.state import StationDep, station_of
+from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, may
 from handscope.app.scene import bridge
+from handscope.app.state import StationDep, station_of
 from handscope.estimators.errors import InputError
 
 router = APIRouter(include_in_schema=False, dependencies=[may(*EVERY_ACCOUNT)])

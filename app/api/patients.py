@@ -8,14 +8,15 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import StreamingResponse
 
-from handscope.app.api.pseudonymous import for_reader
-from handscope.app.api.readings import calibration_reading
-from handscope.app.api.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.api.pseudonymisation import for_reader
+from handscope.app.api.result_view import calibration_reading
 from handscope.app.api.sessions import session_row
-from handscope.app.api.state import Db, LanguageDep, PartsDep
-from handscope.app.patient_export import exported
-from handscope.sessions import dates, erasing, notes, patients, timeline
-from handscope.sessions.tables import Note, Patient, now
+from handscope.app.auth.roles import ADMINISTRATOR, CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.state import Db, LanguageDep, PartsDep
+from handscope.app.workers.patient_exporter import exported
+from handscope.sessions.clinic import dates, notes, patients, timeline
+from handscope.sessions.db.tables import Note, Patient, now
+from handscope.sessions.store import erasure
 
 router = APIRouter(tags=["patients"], dependencies=[may(CLINICIAN)])
 MOST = 200  # patients in one answer
@@ -133,7 +134,7 @@ def export_patient(db: Db, parts: PartsDep, patient_id: int) -> StreamingRespons
 def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> dict[str, int]:
     """Erase everything about a patient for good; answers with what there was."""
     sessions = {s.id for s in patients.get(db, patient_id).sessions}
-    counts = erasing.erase(db, parts.store, patient_id, wish.pseudonym)
+    counts = erasure.erase(db, parts.store, patient_id, wish.pseudonym)
     parts.stations.close_replays(sessions)
     return counts
 
@@ -141,7 +142,7 @@ def erase_patient(db: Db, parts: PartsDep, patient_id: int, wish: Erasure) -> di
 @router.get("/erasures", dependencies=[may(CLINICIAN, ADMINISTRATOR)])
 def list_erasures(db: Db) -> list[dict[str, Any]]:
     """What was erased when, the newest first; never whose it was."""
-    return [{"at": line.at, "what": "patient erased", "counts": line.counts} for line in erasing.erasures(db)]
+    return [{"at": line.at, "what": "patient erased", "counts": line.counts} for line in erasure.erasures(db)]
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201)

@@ -5,13 +5,13 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from handscope.app.api.roles import CLINICIAN, SCIENTIST, may
-from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, may
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.report.changes import Judge
 from handscope.app.report.progress import Course, Progress, Series, progress
-from handscope.sessions import patients, repeatability
+from handscope.app.state import Db, LanguageDep, PartsDep
+from handscope.sessions.clinic import patients, repeatability
 
 router = APIRouter(prefix="/patients", tags=["patients"], dependencies=[may(CLINICIAN, SCIENTIST)])
 

@@ -7,23 +7,24 @@ import numpy as np
 from fastapi import APIRouter, Query
 from starlette.responses import Response
 
-from handscope.app.api.pseudonymous import events_for
-from handscope.app.api.readings import readings
-from handscope.app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from handscope.app.api.state import Db, LanguageDep, PartsDep
-from handscope.app.jobs import make_derivative, make_replay_file, make_report
-from handscope.app.kept_curves import APERTURE, beside, curves
+from handscope.app.api.pseudonymisation import events_for
+from handscope.app.api.result_view import readings
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
+from handscope.app.job_queue import make_derivative, make_replay_file, make_report
 from handscope.app.protocols import offered
-from handscope.app.report import Paper, self_calibration
+from handscope.app.report import Paper
 from handscope.app.report.gradings import DEFAULT, MEASURE, uninjured
+from handscope.app.report.sections import self_calibration
 from handscope.app.report.units import READABLE
-from handscope.app.reporting import changes_of, course_of
+from handscope.app.results.curves import APERTURE, beside, curves
+from handscope.app.results.report import changes_of, course_of
+from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.comparison import Agreement
 from handscope.estimators.measures.total_active_motion import GRADINGS
-from handscope.sessions import results
-from handscope.sessions.corrections import without_reasons
-from handscope.sessions.tables import Result
+from handscope.sessions.clinic import results
+from handscope.sessions.clinic.corrections import without_reasons
+from handscope.sessions.db.tables import Result
 
 router = APIRouter(prefix="/results", tags=["results"], dependencies=[may(CLINICIAN, SCIENTIST)])
 FORMS = {"pdf": "application/pdf", "html": "text/html; charset=utf-8", "csv": "text/csv; charset=utf-8", "json": "application/json"}

@@ -5,16 +5,17 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from handscope.app.api.roles import CLINICIAN, SCIENTIST, may
 from handscope.app.api.sessions import Decision, recomputed
-from handscope.app.api.state import Db, LanguageDep, PartsDep
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, may
 from handscope.app.language import Language
-from handscope.app.report.self_calibration import told
+from handscope.app.report.sections.self_calibration import told
+from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
-from handscope.sessions import patients, records, results, self_calibrations
-from handscope.sessions.self_calibrations import Offer
-from handscope.sessions.tables import PatientSession, SelfCalibration
+from handscope.sessions.clinic import patients, results, self_calibrations
+from handscope.sessions.clinic.self_calibrations import Offer
+from handscope.sessions.db.tables import PatientSession, SelfCalibration
+from handscope.sessions.store import records
 
 router = APIRouter(tags=["self-calibrations"], dependencies=[may(CLINICIAN)])
 

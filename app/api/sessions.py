@@ -13,19 +13,21 @@ from fastapi import APIRouter, Form, UploadFile
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse
 
-from handscope.app.api.pseudonymous import for_reader
-from handscope.app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from handscope.app.api.state import Db, Parts, PartsDep
+from handscope.app.api.pseudonymisation import for_reader
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from handscope.app.live.stations import live_setup
 from handscope.app.options import with_options
+from handscope.app.state import Db, Parts, PartsDep
 from handscope.app.version import software_version
+from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.options import describe
-from handscope.sessions import audit, corrections, dates, kept_files, native, patients, records, results, self_calibrations, visit_facts
-from handscope.sessions.self_calibrations import Found
-from handscope.sessions.tables import Correction, PatientSession, RecordingFile, Result, now
-from handscope.sessions.visit_facts import TrunkHeight
+from handscope.sessions.clinic import audit, corrections, dates, patients, results, self_calibrations
+from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.db.tables import Correction, PatientSession, RecordingFile, Result, now
+from handscope.sessions.files import native
+from handscope.sessions.store import records, stored_files, visit_facts
+from handscope.sessions.store.visit_facts import TrunkHeight
 
 router = APIRouter(tags=["sessions"], dependencies=[may(CLINICIAN)])
 PIECE = 2**20
@@ -212,7 +214,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> FileResponse:
     """The recording as it was kept, byte for byte."""
     file = _closed(db, recording_id)
-    path = kept_files.at_hand(parts.store, file.file, file.sha256)
+    path = stored_files.at_hand(parts.store, file.file, file.sha256)
     return FileResponse(path, filename=f"session-{file.session_id}-recording{path.suffix}")
 
 

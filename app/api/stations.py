@@ -8,13 +8,13 @@ from fastapi import APIRouter, WebSocket
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocketDisconnect
 
-from handscope.app.api.bulletins import spoken, until_next
-from handscope.app.api.roles import CLINICIAN, SCIENTIST, WhoDep, may
-from handscope.app.api.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
+from handscope.app.api.broadcast import spoken, until_next
+from handscope.app.auth.roles import CLINICIAN, SCIENTIST, WhoDep, may
 from handscope.app.devices import ports
 from handscope.app.language import Language
 from handscope.app.live.replay import Replay
 from handscope.app.live.stations import AnyStation
+from handscope.app.state import LanguageDep, PartsDep, StationDep, parts, station_of, visible
 from handscope.estimators.errors import InputError
 
 router = APIRouter(tags=["stations"], dependencies=[may(CLINICIAN)])

@@ -10,8 +10,9 @@ from sqlalchemy.orm import Session
 from handscope.app.commands.audit import opened
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
-from handscope.sessions import accounts, audit, logins
-from handscope.sessions.accounts import LOCAL, ROLES
+from handscope.sessions.clinic import accounts, audit
+from handscope.sessions.clinic.accounts import LOCAL, ROLES
+from handscope.sessions.store import logins
 
 ACTIONS = {
     "add": "a new account; prints a one-time address with which its owner sets a password",

@@ -13,7 +13,7 @@ from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import assess
-from handscope.sessions.writing import save_file, save_folder
+from handscope.sessions.tables_io.writing import save_file, save_folder
 
 REPORTS = (".pdf", ".html")
 

@@ -10,9 +10,10 @@ from sqlalchemy.orm import Session
 
 from handscope.app.commands.words import database_url, default_data, say
 from handscope.estimators.errors import InputError
-from handscope.sessions import audit, backup
-from handscope.sessions.database import FILE, open_database
-from handscope.sessions.tables import AuditLine
+from handscope.sessions.clinic import audit
+from handscope.sessions.db.tables import AuditLine
+from handscope.sessions.store import backup
+from handscope.sessions.store.database import FILE, open_database
 
 BROKEN = 1  # exit code
 

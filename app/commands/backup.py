@@ -5,7 +5,7 @@ from pathlib import Path
 
 from handscope.app.commands.words import counted, database_url, default_data, require_file, say
 from handscope.app.version import software_version
-from handscope.sessions import backup
+from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:

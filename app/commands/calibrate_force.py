@@ -13,12 +13,12 @@ from handscope.app.options import help_text, parse, with_options
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import AXES, Solved, SolveParams, solve
 from handscope.estimators.force.setup import ForceSetup, table_of
-from handscope.estimators.hand_anatomy import FINGERS
-from handscope.estimators.quaternions import Array
-from handscope.sessions import force_calibrations
-from handscope.sessions.force_calibrations import SETUP
-from handscope.sessions.load_table import LoadTable, load_table
-from handscope.sessions.writing import save_file
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.numerics.quaternions import Array
+from handscope.sessions.formats.load_table import LoadTable, load_table
+from handscope.sessions.tables_io import force_calibrations
+from handscope.sessions.tables_io.force_calibrations import SETUP
+from handscope.sessions.tables_io.writing import save_file
 
 USUAL = 0.025  # share by which forces of a sensor without this are taken to be wrong: `force_scale` of fingertip_forces.py
 

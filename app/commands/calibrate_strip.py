@@ -12,16 +12,16 @@ from handscope.app.commands.methods import add_recording
 from handscope.app.commands.words import say
 from handscope.app.devices import strip_flash
 from handscope.app.options import help_text, parse, with_options
-from handscope.estimators import magnetometer_plate
-from handscope.estimators import quaternions as quat
+from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
-from handscope.estimators.imu_calibration import CALIBRATED
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, MAG
-from handscope.estimators.six_positions import Solved, SolveParams, solve
-from handscope.sessions import formats
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.writing import save_file
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors import magnetometer_board
+from handscope.estimators.sensors.imu_calibration import CALIBRATED
+from handscope.estimators.sensors.six_position_calibration import Solved, SolveParams, solve
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    recording = formats.load(arguments.recording, arguments.hand, correct=False)
+    recording = formats_recordings.load(arguments.recording, arguments.hand, correct=False)
     params = with_options(SolveParams, parse(arguments.option))
     solved, refused = _solved(recording, params)
     for problem in refused:
@@ -68,7 +68,7 @@ def _solved(recording: LoadedRecording, params: SolveParams) -> tuple[dict[str, 
         if alone:
             names = [block.stream.sensors[k] for k in alone]
             q_BS = np.array([recording.mounting.get(name, quat.IDENTITY) for name in names])
-            plate = magnetometer_plate.calibrated(names, block.of(MAG)[:, alone], q_BS)
+            plate = magnetometer_board.calibrated(names, block.of(MAG)[:, alone], q_BS)
             solved |= plate.solved
             refused += plate.refused
             if plate.solved:

@@ -9,26 +9,28 @@ import numpy as np
 
 from handscope.app.commands.methods import method_of
 from handscope.app.commands.words import output_folder, progress_bar, require_file, require_folder, say
-from handscope.app.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
 from handscope.app.options import help_text
-from handscope.estimators import marker_clusters
+from handscope.app.results.comparison import PLOTS, Compared, Side, Tips, as_csv, as_json, as_text
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import ANGLES, HANDS, Hand
-from handscope.estimators.marker_clusters import FlatPose, Markers
+from handscope.estimators.hand.anatomy import ANGLES, HANDS, Hand
 from handscope.estimators.measures import clock_drift, comparison, synchronisation, tip_errors
 from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
 from handscope.estimators.methods import METHODS
-from handscope.estimators.processing import process
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Event
-from handscope.estimators.trajectory import Trajectory
-from handscope.sessions import c3d, formats, native
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline import optical_trajectory
+from handscope.estimators.pipeline.optical_trajectory import FlatPose, Markers
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files import native
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import c3d
+from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.motion_bids import kinematics
 from handscope.sessions.motion_bids.kinematics import Kinematics
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.writing import save_file, save_folder
+from handscope.sessions.tables_io.writing import save_file, save_folder
 
 OURS = ("_tracksys-handscope_", "_tracksys-truth_")  # tables whose places are in the wrist's frame
 FIRST = 3.0  # s of the flat pose of markers where nothing else is said
@@ -142,7 +144,7 @@ def _plots(compared: Compared, pairs: list[Pair], forms: set[str]) -> dict[str, 
     """The Bland-Altman plot of the whole recording in each form."""
     if not forms:
         return {}
-    from handscope.app.report.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
+    from handscope.app.report.sections.agreement_plot import agreement_chart  # here: it takes as long to import as all the rest
 
     words = ". ".join(f"{letter}: {side.name}, {side.source}" for letter, side in (("A", compared.a), ("B", compared.b)))
     whole = [g for g in compared.agreements if g.task == WHOLE]
@@ -185,10 +187,10 @@ def _opened(path: Path, hand: Hand | None) -> LoadedRecording | Kinematics | Mar
     if path.suffix.lower() == c3d.SUFFIX:
         return c3d.read_markers(path)
     if path.suffix == native.SUFFIX and path.is_file():
-        return formats.load(path, hand)
+        return formats_recordings.load(path, hand)
     files, tables, inertial = kinematics.tables_at(path)
     if inertial or not tables:
-        return formats.load(path, hand)
+        return formats_recordings.load(path, hand)
     if len(tables) > 1:
         raise InputError(
             f"{path.name} holds {len(tables)} movements ({', '.join(Path(t).name for t in tables[:4])}{', ...' if len(tables) > 4 else ''}); give the path of one of their motion.tsv files"
@@ -227,7 +229,7 @@ def _moved(
     if static:
         if opened.angles_told:
             raise InputError(f"{opened.name} tells joint angles; --static-{name} is for markers and orientations")
-        moved = marker_clusters.aligned(moved, _flat(static, own, other, UP[arguments.up]))
+        moved = optical_trajectory.aligned(moved, _flat(static, own, other, UP[arguments.up]))
     source = "joint angles" if opened.angles_told else "orientations" if np.isfinite(moved.q_GS).any() else "tips"
     return Moved(
         Side(opened.name, source, len(moved), warnings=opened.warnings), moved, opened.events, "", any(own in opened.name for own in OURS)
@@ -237,7 +239,7 @@ def _moved(
 def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> Moved:
     name = given["method"] or "m2"
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
-    other = formats.load(given["calibration"], recording.hand) if given["calibration"] else None
+    other = formats_recordings.load(given["calibration"], recording.hand) if given["calibration"] else None
     hear, close = progress_bar(f"processing {path.name}")
     try:
         processed = process(method, params, recording, other, hear)
@@ -265,10 +267,10 @@ def _first(markers: Markers) -> tuple[float, float]:
 
 
 def _by_markers(name: str, markers: Markers, hand: Hand, pose: FlatPose) -> tuple[Side, Trajectory]:
-    fits = marker_clusters.clusters(markers, pose)
-    moved = marker_clusters.trajectory_of(markers, fits, hand, pose)
+    fits = optical_trajectory.clusters(markers, pose)
+    moved = optical_trajectory.trajectory_of(markers, fits, hand, pose)
     told = f"by markers, flat pose {pose.start:.1f} to {pose.stop:.1f} s"
-    return Side(name, told, len(moved), (), tuple(marker_clusters.rigidity(fits, markers))), moved
+    return Side(name, told, len(moved), (), tuple(optical_trajectory.rigidity(fits, markers))), moved
 
 
 def _stretch(words: str, name: str, option: str) -> tuple[float, float]:

@@ -10,9 +10,9 @@ from pathlib import Path
 from handscope.app.commands import serve
 from handscope.app.commands.words import say
 from handscope.estimators.errors import InputError
-from handscope.sessions import patients
-from handscope.sessions.store import open_store
-from handscope.sessions.tables import Patient
+from handscope.sessions.clinic import patients
+from handscope.sessions.db.tables import Patient
+from handscope.sessions.store.store import open_store
 
 GLOVES = ("left", "right")
 FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there

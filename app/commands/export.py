@@ -8,9 +8,10 @@ from handscope.app.commands.words import output_folder, require_file, say
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import SEGMENT
-from handscope.sessions import formats, motion_bids
-from handscope.sessions.writing import save_file
+from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.sessions import motion_bids
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io.writing import save_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.replay is not None:
         require_file(arguments.replay)
     if arguments.out is not None:
-        recording = formats.load(arguments.recording, arguments.hand)
+        recording = formats_recordings.load(arguments.recording, arguments.hand)
         target = arguments.out if arguments.out.suffix == ".zip" else output_folder(arguments.out)
         motion_bids.write(recording, target, arguments.subject, arguments.task)
         say(f"{len(recording.samples)} streams, {recording.duration:.1f} s: {arguments.out}")

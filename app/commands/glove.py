@@ -18,15 +18,15 @@ from handscope.app.devices.virtual_glove.faults import FaultParams, Faults
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
 from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
 from handscope.app.devices.virtual_glove.wearer import Playback, SimulatedPerson, Wearer, layout
-from handscope.estimators import full_scales
+from handscope.estimators.data.samples import GYR
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, setups_from
-from handscope.estimators.hand_anatomy import FINGERS, HANDS, Hand
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.samples import GYR
-from handscope.estimators.simulation import tasks
+from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.sensors import saturation
+from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.sessions import formats
+from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.wire.messages import Format
 
 ALL_STRIPS = (*FINGERS, "forearm")
@@ -55,7 +55,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--untold", action="store_true", help="with --force-setup: the glove keeps no calibration and tells none")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
-        "--task", metavar="T", help=f"what the built-in patient does over and over: {', '.join(tasks.TASKS)}; without it, what it is told"
+        "--task",
+        metavar="T",
+        help=f"what the built-in patient does over and over: {', '.join(task_performance.TASKS)}; without it, what it is told",
     )
     what.add_argument("--replay", type=Path, metavar="RECORDING", help="play any recording")
     parser.add_argument("--speed", type=float, default=1.0, help="of time, for --replay (1)")
@@ -104,8 +106,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
     if arguments.replay:
-        recording = formats.load(arguments.replay, arguments.hand)
-        return Playback(replace(recording, samples=full_scales.told(recording.samples)))  # live then bridges what batch does
+        recording = formats_recordings.load(arguments.replay, arguments.hand)
+        return Playback(replace(recording, samples=saturation.told(recording.samples)))  # live then bridges what batch does
     hand: Hand = arguments.hand or "left"
     named = () if arguments.strips == "none" else tuple(arguments.strips.split(","))
     strips = (*ALL_STRIPS, *(n for n in named if n != "all")) if "all" in named else named
@@ -124,8 +126,8 @@ def _wearer(arguments: argparse.Namespace, rng: np.random.Generator) -> Wearer:
             raise InputError(f"--exchange names the strip {missing.pop()!r}, which is not plugged in")
         person.worn_on = {one: other, other: one}
     if arguments.task is not None:
-        if arguments.task not in tasks.TASKS:
-            raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(tasks.TASKS)}")
+        if arguments.task not in task_performance.TASKS:
+            raise InputError(f"there is no task {arguments.task!r}; tasks are {', '.join(task_performance.TASKS)}")
         person.repeat = arguments.task
     return person
 

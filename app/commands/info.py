@@ -5,7 +5,7 @@ import argparse
 from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import say
-from handscope.sessions import formats
+from handscope.sessions.formats import recordings as formats_recordings
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -13,7 +13,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    recording = formats.load(arguments.recording, arguments.hand)
+    recording = formats_recordings.load(arguments.recording, arguments.hand)
     say(
         f"{recording.hand} hand, {recording.duration:.3f} s, {recording.source.get('format', '')} {recording.source.get('device', '')}".rstrip()
     )

@@ -8,14 +8,14 @@ import numpy as np
 
 from handscope.app.commands.words import say
 from handscope.app.options import with_options
-from handscope.estimators import magnet_learning
-from handscope.estimators.hand_anatomy import HANDS
-from handscope.estimators.magnet_learning import Learnt, Roughly
-from handscope.estimators.magnet_plate import Plate, table_of
-from handscope.estimators.options import describe
-from handscope.estimators.quaternions import Array
-from handscope.sessions import formats
-from handscope.sessions.writing import save_file
+from handscope.estimators.data.magnet_declaration import Plate, table_of
+from handscope.estimators.data.options import describe
+from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.magnet.pipeline import setup_learning
+from handscope.estimators.magnet.pipeline.setup_learning import Learnt, Roughly
+from handscope.estimators.numerics.quaternions import Array
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io.writing import save_file
 
 MM = 1e3
 HARDLY = 0.8  # of the standard deviation that was told: less than that a movement has not told
@@ -39,8 +39,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     errors = {"moment": arguments.moment_error, "place": arguments.place_error / MM, "places": arguments.array_error / MM}
     roughly = with_options(Roughly, errors)
-    recording = formats.load(arguments.recording, arguments.hand)
-    learnt = magnet_learning.learnt(recording.plate, roughly, list(recording.samples.values()), recording.mounting)
+    recording = formats_recordings.load(arguments.recording, arguments.hand)
+    learnt = setup_learning.learnt(recording.plate, roughly, list(recording.samples.values()), recording.mounting)
     assert recording.plate is not None, "without a plate nothing is learnt"
     save_file(json.dumps({"MagnetSetup": table_of(learnt.plate)}, indent=2).encode() + b"\n", arguments.out)
     for line in _said(recording.plate, roughly, learnt):

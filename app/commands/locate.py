@@ -8,20 +8,23 @@ from pathlib import Path
 import numpy as np
 
 from handscope.app.commands.words import say
-from handscope.estimators import magnet_alike, magnet_array, magnet_search, magnet_setup, magnet_uneven
-from handscope.estimators import quaternions as quat
+from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
-from handscope.estimators.magnet_array import Still, Turned
-from handscope.estimators.magnet_late import TOLD
-from handscope.estimators.magnet_localisation import Located
-from handscope.estimators.magnet_search import Search, Searched
-from handscope.estimators.magnet_setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import MAG
-from handscope.sessions import array_table, formats
-from handscope.sessions.array_description import Described, described
-from handscope.sessions.number_table import NumberTable
-from handscope.sessions.writing import save_file
+from handscope.estimators.magnet.array import bench_readings, field_gradient_test, systematic_errors
+from handscope.estimators.magnet.array import search as magnet_search
+from handscope.estimators.magnet.array.bench_readings import Still, Turned
+from handscope.estimators.magnet.array.localisation import Located
+from handscope.estimators.magnet.array.search import Search, Searched
+from handscope.estimators.magnet.array.timestamp_offsets import TOLD
+from handscope.estimators.magnet.model import setup as magnet_setup
+from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io import array_table
+from handscope.sessions.tables_io.array_description import Described, described
+from handscope.sessions.tables_io.number_table import NumberTable
+from handscope.sessions.tables_io.writing import save_file
 
 COLUMNS = (
     *("t", "x", "y", "z", "x_sd", "y_sd", "z_sd", "moment_x", "moment_y", "moment_z", "moment_x_sd", "moment_y_sd", "moment_z_sd"),
@@ -69,14 +72,14 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     array = described(arguments.array)
-    magnet_array.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient)
+    bench_readings.require_sense(array.earth, array.moment, array.limit, array.place_sd, array.calibration_sd, array.gradient)
     read = _read(arguments.recording, array)
-    limit = None if array.limit is None else float(magnet_array.in_tesla(np.array(array.limit), array.unit, array.earth))
-    looked = magnet_array.looked(read.t, read.mag, limit)
+    limit = None if array.limit is None else float(bench_readings.in_tesla(np.array(array.limit), array.unit, array.earth))
+    looked = bench_readings.looked(read.t, read.mag, limit)
     mag = np.where((looked.limited | looked.frozen)[..., None], np.nan, read.mag)
-    q_bl, left, gains, told = array.q_bl, 0.0, np.ones(len(array.names)), magnet_array.sentences(array.names, looked)
+    q_bl, left, gains, told = array.q_bl, 0.0, np.ones(len(array.names)), bench_readings.sentences(array.names, looked)
     if arguments.turned:
-        found = magnet_array.turned(_read(arguments.turned, array).mag, array.names, array.earth)
+        found = bench_readings.turned(_read(arguments.turned, array).mag, array.names, array.earth)
         _require_unit(found.read, array.unit, arguments.turned.name)
         mag, q_bl, left, gains = found.corrected(mag), found.q_bl, float(np.sqrt((found.left**2).mean())), found.gains
         q_bl = q_bl if array.q_bl is None else quat.multiply(array.q_bl[0], q_bl)
@@ -86,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         told += [] if array.calibration_sd is not None or arguments.without else [_not_calibrated(left)]
     if arguments.without:
         empty = _read(arguments.without, array).mag
-        alone = magnet_array.still(found.corrected(empty) if arguments.turned else empty, q_bl)
+        alone = bench_readings.still(found.corrected(empty) if arguments.turned else empty, q_bl)
         left = _left_without(alone, mag, bool(arguments.turned)) if array.calibration_sd is None else array.calibration_sd
         mag = mag - alone.apart
     guessed = left if not arguments.turned and array.calibration_sd is None else 0.0
@@ -94,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     told += _slow(read)
     size_sd = MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
     noise = float(np.hypot(np.median(looked.noise * gains), left))
-    slopes = magnet_uneven.slope_of(array.gradient)
+    slopes = field_gradient_test.slope_of(array.gradient)
     search = Search(read.t, mag, magnet_setup.constellation(array.places, q_bl), noise, array.place_sd, slopes)
     answer = magnet_search.searched(search, array.moment, size_sd, left)
     located = _gain_counted(answer.located, size_sd)
@@ -124,16 +127,16 @@ def _read(path: Path, array: Described) -> Read:
     if path.suffix.lower() in array_table.SUFFIXES and not path.name.endswith("_motion.tsv"):
         table = array_table.table(path, array)
         known, t, times = table.readings, table.t, table.times
-        values = {name: magnet_array.in_tesla(v, array.unit, array.earth) for name, v in known.items()}
+        values = {name: bench_readings.in_tesla(v, array.unit, array.earth) for name, v in known.items()}
     else:
-        blocks = [b for b in formats.load(path, inertial=False).samples.values() if MAG in b.stream.quantities]
+        blocks = [b for b in formats_recordings.load(path, inertial=False).samples.values() if MAG in b.stream.quantities]
         values = {s: b.of(MAG)[:, k] for b in blocks for k, s in enumerate(b.stream.sensors)}
         times = {s: b.t for b in blocks for s in b.stream.sensors}
         t = times[array.names[0]] if array.names[0] in times else np.empty(0)
     missing = [name for name in array.names if name not in values]
     if missing:
         raise InputError(f"{path.name} has no magnetometer {missing[0]!r}; it has {', '.join(values) or 'none'}")
-    each = [magnet_array.together(t, times[name], values[name]) if name in times else values[name] for name in array.names]
+    each = [bench_readings.together(t, times[name], values[name]) if name in times else values[name] for name in array.names]
     return Read(t, np.stack(each, axis=1))
 
 
@@ -173,7 +176,7 @@ def _uneven(searched: Searched, told: float) -> list[str]:
     """A sentence where readings show that the field changes across the array more than was told."""
     if searched.search.uneven <= told:
         return []
-    change = magnet_uneven.change_of(searched.search.uneven)
+    change = field_gradient_test.change_of(searched.search.uneven)
     return [
         f"the field changes by about {1e6 * change:.2g} uT a metre across the array: iron is near; what it changes by counts as unknown, places are less sure for it"
     ]
@@ -183,14 +186,14 @@ def _alike(searched: Searched) -> list[str]:
     """A sentence where all readings together told what errs in each of them, and that was taken off."""
     if (alike := searched.alike) is None:
         return []
-    sizes = dict(zip((kind.name for kind in magnet_alike.KINDS), (float(size) for size in alike.sizes)))
+    sizes = dict(zip((kind.name for kind in systematic_errors.KINDS), (float(size) for size in alike.sizes)))
     looks = {
         "offset": f"offsets of {1e6 * sizes['offset']:.2g} uT",
         "gain": f"gains and axes that are off by {100 * sizes['gain']:.2g} %",
         "place": f"magnetometers that sit {1e3 * sizes['place']:.2g} mm from where they are told",
         "late": f"readings that are late by {1e3 * sizes['late']:.2g} ms",
         "length": f"a magnet as long as a rod of {200 * np.sqrt(6 * sizes['length']):.2g} cm",
-        "slope": f"a field that changes by {1e6 * magnet_uneven.change_of(sizes['slope']):.2g} uT a metre",
+        "slope": f"a field that changes by {1e6 * field_gradient_test.change_of(sizes['slope']):.2g} uT a metre",
         "turn": f"axes of the magnetometers that are turned by {np.degrees(np.sqrt(3) * sizes['turn']):.2g} degrees against the board",
         "moment": "a moment that is not as told",
     }
@@ -216,10 +219,10 @@ def _late(searched: Searched, names: Sequence[str]) -> list[str]:
 def _few(searched: Searched, located: Located, moment: float | None, size_sd: float) -> list[str]:
     """What magnetometers that are too few to see it do not tell."""
     rows = np.flatnonzero(located.found & np.isfinite(searched.search.mag).all(axis=(1, 2)))
-    if len(searched.search.array) >= magnet_uneven.FEWEST or searched.search.uneven or searched.alike or not len(rows):
+    if len(searched.search.array) >= field_gradient_test.FEWEST or searched.search.uneven or searched.alike or not len(rows):
         return []
     told, x = magnet_search.explained(searched.search, located, moment, size_sd, rows[:: -(-len(rows) // TRIED)])
-    off = 1e3 * float(np.median(magnet_uneven.misplaced(told, x, UNSEEN)))
+    off = 1e3 * float(np.median(field_gradient_test.misplaced(told, x, UNSEEN)))
     return [
         f"{len(searched.search.array)} magnetometers cannot tell a field that changes across the array: {1e6 * UNSEEN:.0f} uT a metre would draw places by {off:.2g} mm (median); "
         "tell `gradient` in the array's file if iron is near"
@@ -251,7 +254,7 @@ def _require_unit(read: float, unit: str | float, name: str) -> None:
 
 
 def _unit_asked(read: float, unit: str | float) -> str:
-    fitting = magnet_array.units_that_fit(read, unit)
+    fitting = bench_readings.units_that_fit(read, unit)
     told = f"{unit:g} T a count" if isinstance(unit, (int, float)) else unit
     return f"The unit is told as {told}: is it {' or '.join(fitting)}?" if fitting else f"Is the unit told, {told}, that of the table?"
 

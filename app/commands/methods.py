@@ -7,13 +7,14 @@ from typing import Any
 
 from handscope.app.commands.words import progress_bar
 from handscope.app.options import help_text, parse, with_options
-from handscope.app.time_limit import LIMIT, within
+from handscope.app.workers.deadline import LIMIT, within
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import HANDS
+from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.processing import Processed, process
-from handscope.sessions import calibration_result, formats
-from handscope.sessions.recording import LoadedRecording
+from handscope.estimators.pipeline.process import Processed, process
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io import calibration_result
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
@@ -47,12 +48,12 @@ def method_of(arguments: argparse.Namespace) -> tuple[ModuleType, Any]:
 
 def processed_by(method: ModuleType, params: Any, arguments: argparse.Namespace, limit: float = LIMIT) -> tuple[LoadedRecording, Processed]:
     """The recording that the arguments name, and what the method makes of it within so many s; a bar shows how far it is."""
-    recording = formats.load(arguments.recording, arguments.hand)
+    recording = formats_recordings.load(arguments.recording, arguments.hand)
     found = arguments.calibration is not None and arguments.calibration.suffix == ".json"
     known = calibration_result.read(arguments.calibration) if found else None
     if known is not None and not method.NEEDS_POSE:
         raise InputError(f"method {arguments.method} does not use an earlier calibration; m1, m2 and ekf do")
-    other = formats.load(arguments.calibration, arguments.hand) if arguments.calibration and not found else None
+    other = formats_recordings.load(arguments.calibration, arguments.hand) if arguments.calibration and not found else None
     hear, close = progress_bar("processing")
     try:
         return recording, process(method, params, recording, other, within(limit, hear), known)

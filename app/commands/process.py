@@ -7,12 +7,12 @@ from pathlib import Path
 from handscope.app.commands.methods import add_method, method_of, processed_by
 from handscope.app.commands.words import counted, output_folder, progress_bar, say
 from handscope.app.options import parse
-from handscope.app.time_limit import LIMIT
 from handscope.app.version import software_version
+from handscope.app.workers.deadline import LIMIT
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import HANDS
-from handscope.sessions import derivative
-from handscope.sessions.writing import save_folder
+from handscope.estimators.hand.anatomy import HANDS
+from handscope.sessions.formats import derivative
+from handscope.sessions.tables_io.writing import save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
-    from handscope.app import cohort
+    from handscope.app.results import cohort
 
     if arguments.calibration is not None:
         raise InputError("--calibration is of one recording; leave it out with --cohort")

@@ -12,14 +12,16 @@ from handscope.app.commands.words import output_folder, progress_bar, require_fi
 from handscope.app.devices.glove import Glove
 from handscope.app.live.tracking import Tracking
 from handscope.app.version import software_version
-from handscope.estimators import initial_pose, trajectory
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import HANDS
-from handscope.estimators.hand_geometry import measures_from, sized
-from handscope.estimators.processing import Processed
-from handscope.estimators.trajectory import Trajectory
-from handscope.sessions import derivative, formats
-from handscope.sessions.writing import save_folder
+from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.pipeline.process import Processed
+from handscope.sessions.formats import derivative
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io.writing import save_folder
 
 OPEN_WAIT = 15.0  # s for the recording process to start and open the port
 SPEAK_WAIT = 5.0  # s for the glove to say who it is and to send samples
@@ -66,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
             tracking.drain()
         if early := ending(max(0.0, tracking.newest_sample()), arguments.seconds, why):
             glove.keep_metadata({"ended": early})
-    recording = formats.load(arguments.out, arguments.hand)
+    recording = formats_recordings.load(arguments.out, arguments.hand)
     say(f"{recording.duration:.1f} s of {', '.join(s.name for s in recording.streams)}: {arguments.out}")
     for sentence in shortfalls(recording):
         say(f"warning: {sentence}")

@@ -6,7 +6,7 @@ from typing import Any
 
 from handscope.app.commands.words import counted, database_url, progress_bar, say
 from handscope.estimators.errors import InputError
-from handscope.sessions import backup
+from handscope.sessions.store import backup
 
 
 def add(parser: argparse.ArgumentParser) -> None:

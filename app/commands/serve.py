@@ -14,14 +14,14 @@ from types import FrameType
 
 import uvicorn
 
+from handscope.app.auth.oidc import SCOPE, SignOn
 from handscope.app.commands.words import FOLDER, database_url, default_data, say
 from handscope.app.options import parse
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
-from handscope.app.single_sign_on import SCOPE, SignOn
 from handscope.estimators.errors import InputError
-from handscope.sessions.accounts import ROLES
-from handscope.sessions.logins import new_token
+from handscope.sessions.clinic.accounts import ROLES
+from handscope.sessions.store.logins import new_token
 
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login

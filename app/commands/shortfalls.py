@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from handscope.sessions.absences import absences
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.absences import absences
+from handscope.sessions.files.recording import LoadedRecording
 
 
 def shortfalls(recording: LoadedRecording) -> Iterator[str]:

@@ -8,29 +8,35 @@ from pathlib import Path
 import numpy as np
 
 from handscope.app.commands.words import say, seed
-from handscope.app.qualisys import read_markers
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import HANDS
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.simulation import captured, functional, guided, held_object, tasks
+from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.experiments import EXPERIMENTS, recorded
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous, office
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    guided_movements,
+    object_dynamics,
+    optical_capture,
+    task_performance,
+)
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import Person, drawn
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed, simulate
 from handscope.estimators.simulation.sensors import PRESET_SOURCES, PRESETS, SensorErrors
-from handscope.estimators.simulation.tasks import Performance
 from handscope.estimators.simulation.transmission import LINKS
 from handscope.estimators.simulation.trunk import TrunkGlove
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats.qualisys import read_markers
 from handscope.sessions.motion_bids import writer
 from handscope.sessions.motion_bids.truth import truth_files
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.writing import save_file
+from handscope.sessions.tables_io.writing import save_file
 
 FOREARM_RATE = 100.0  # Hz, of a forearm sensor with a clock of its own
 
 FUNCTIONAL = "functional_calibration"
-TASKS_TOLD = f"tasks are {', '.join(tasks.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in tasks.TASKS)}; {FUNCTIONAL}: its steps, then free movement; {', '.join(held_object.TASKS)}: with force sensors on thumb and index tip; captured needs --markers"
+TASKS_TOLD = f"tasks are {', '.join(task_performance.TASKS)}; experiments are {', '.join(name for name in EXPERIMENTS if name not in task_performance.TASKS)}; {FUNCTIONAL}: its steps, then free movement; {', '.join(object_dynamics.TASKS)}: with force sensors on thumb and index tip; captured needs --markers"
 PRESETS_TOLD = "; ".join(f"{name} ({source})" for name, source in PRESET_SOURCES.items())
 
 
@@ -70,8 +76,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if not 10 <= arguments.rate <= 1000:
         raise InputError(f"--rate {arguments.rate:g} Hz is outside 10 to 1000 Hz")
-    if arguments.six_axes and arguments.task not in held_object.TASKS:
-        raise InputError(f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(held_object.TASKS)}")
+    if arguments.six_axes and arguments.task not in object_dynamics.TASKS:
+        raise InputError(f"--six-axes is of force sensors, {arguments.task} needs none; it goes with {' and '.join(object_dynamics.TASKS)}")
     if not 0 <= arguments.pose_error <= 30:
         raise InputError(f"--pose-error {arguments.pose_error:g} deg is outside 0 to 30 deg")
     if arguments.misalignment is not None and not 0 <= arguments.misalignment <= 180:
@@ -109,14 +115,14 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
     if arguments.task == "captured":
         return _captured(arguments, rng, errors, field)
-    if arguments.task in EXPERIMENTS and arguments.task not in tasks.TASKS:
+    if arguments.task in EXPERIMENTS and arguments.task not in task_performance.TASKS:
         experiment, rate = EXPERIMENTS[arguments.task], arguments.rate
         return recorded(
             experiment, rng, errors, field, arguments.hand, arguments.pose_error, rate=rate, forearm_rate=forearm_rate, link=link
         )
-    if arguments.task in held_object.TASKS:
+    if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
-    if arguments.task not in (*tasks.TASKS, FUNCTIONAL):
+    if arguments.task not in (*task_performance.TASKS, FUNCTIONAL):
         raise InputError(f"there is no task {arguments.task!r} to simulate; {TASKS_TOLD}")
     if arguments.task == FUNCTIONAL:
         return _functional(arguments, rng, errors, field)
@@ -132,7 +138,7 @@ def _made(arguments: argparse.Namespace) -> Simulated:
 def _with_trunk(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors) -> Simulated:
     """A task by the average hand that carries a magnet, with magnetometers on the trunk."""
     hand = sized(arguments.hand)
-    done = [tasks.initial_pose(hand), tasks.TASKS[arguments.task](hand)]
+    done = [task_performance.initial_pose(hand), task_performance.TASKS[arguments.task](hand)]
     return performed(done, arguments.hand, hand, rng, errors, rate=arguments.rate, link=LINKS[arguments.link], on_trunk=TrunkGlove())
 
 
@@ -140,17 +146,21 @@ def _functional(arguments: argparse.Namespace, rng: np.random.Generator, errors:
     """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error is of every posture held."""
     of_person, of_motion, of_sensors = rng.spawn(3)
     person = drawn(arguments.hand, of_person)
-    pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_motion))
-    steps = functional.all_steps(person.true, of_motion, functional.Carelessness(pose=arguments.pose_error))
-    return _performed(arguments, [pose, *steps, guided.free(person.true, of_motion)], person, of_sensors, errors, field)
+    pose = task_performance.initial_pose(
+        person.true, taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_motion)
+    )
+    steps = functional_calibration.all_steps(person.true, of_motion, functional_calibration.Carelessness(pose=arguments.pose_error))
+    return _performed(arguments, [pose, *steps, guided_movements.free(person.true, of_motion)], person, of_sensors, errors, field)
 
 
 def _held(arguments: argparse.Namespace, rng: np.random.Generator, errors: SensorErrors, field: MagneticField) -> Simulated:
     """Somebody lifts a mass or squeezes a spring."""
     of_person, of_motion, of_pose, of_sensors = rng.spawn(4)
     person = drawn(arguments.hand, of_person)
-    pose = tasks.initial_pose(person.true, taken=functional.missed(tasks.flat(), arguments.pose_error, of_pose))
-    done = [pose, held_object.TASKS[arguments.task](person.true, of_motion)]
+    pose = task_performance.initial_pose(
+        person.true, taken=functional_calibration.missed(task_performance.flat(), arguments.pose_error, of_pose)
+    )
+    done = [pose, object_dynamics.TASKS[arguments.task](person.true, of_motion)]
     return _performed(arguments, done, person, of_sensors, errors, field, ForceGlove(six_axes=arguments.six_axes))
 
 
@@ -184,10 +194,10 @@ def _captured(arguments: argparse.Namespace, rng: np.random.Generator, errors: S
     if arguments.markers is None:
         raise InputError("captured needs the markers; name a Qualisys export with --markers FILE.tsv")
     markers = read_markers(arguments.markers)
-    fit = captured.fitted(markers, arguments.hand)
-    done = captured.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))
+    fit = optical_capture.fitted(markers, arguments.hand)
+    done = optical_capture.performance(fit, "captured", float(markers.t[0]), float(markers.t[-1]))
     say(f"markers followed within {1e3 * np.sqrt(np.nanmean(fit.misfit**2)):.1f} mm RMS")
-    pose = tasks.initial_pose(fit.geometry)
+    pose = task_performance.initial_pose(fit.geometry)
     return performed([pose, done], arguments.hand, fit.geometry, rng, errors, rate=arguments.rate, field=field, link=LINKS[arguments.link])
 
 

@@ -15,9 +15,9 @@ from typing import IO, Any
 
 from handscope.app.devices.pipes import Kind, read_frame, write_frame
 from handscope.app.devices.ports import open_port
+from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
-from handscope.estimators.events import Event
-from handscope.sessions.recorder import Recorder
+from handscope.sessions.files.recorder import Recorder
 
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
 RETRY = 0.5  # s between two tries to open a port that went away

@@ -1,9 +1,9 @@
 """Which strip of the glove at a port has a fingertip's force sensor, and whether a calibration that is kept here can be applied to it."""
 
 from handscope.app.devices.strip_flash import Talk
+from handscope.estimators.data.samples import FORCE
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
-from handscope.estimators.samples import FORCE
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
 

@@ -18,8 +18,8 @@ from types import TracebackType
 from typing import Any, cast
 
 from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
-from handscope.estimators.samples import Block, Event
-from handscope.sessions import force_calibrations
+from handscope.estimators.data.samples import Block, Event
+from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder

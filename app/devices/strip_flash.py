@@ -7,7 +7,7 @@ from typing import Any
 
 from handscope.app.devices.ports import open_port
 from handscope.estimators.errors import InputError
-from handscope.estimators.imu_calibration import ImuCalibration
+from handscope.estimators.sensors.imu_calibration import ImuCalibration
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler, correction_of, message_of
 from handscope.sessions.wire.framing import Encoder

@@ -22,7 +22,7 @@ from babel.lists import format_list
 from babel.numbers import format_decimal
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import SEGMENTS
+from handscope.estimators.hand.anatomy import SEGMENTS
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live.free_meter import FreeMeter
-from handscope.app.live.solving import Solving
+from handscope.app.live.readouts.observability_meter import FreeMeter
 from handscope.app.live.tracking import Tracking
-from handscope.app.live.wizard import Order
-from handscope.estimators.calibration import Known
-from handscope.estimators.samples import Event
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.self_calibrations import ALL, Found, taken_over
+from handscope.app.live.wizard.machine import Order
+from handscope.app.workers.self_calibration import Solving
+from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.samples import Event
+from handscope.sessions.clinic.self_calibrations import ALL, Found, taken_over
+from handscope.sessions.files.recording import LoadedRecording
 
 
 class FreeMovement:

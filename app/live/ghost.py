@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from handscope.app.live.wizard import State, Wizard
+from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import TURN
 from handscope.app.scene import postures
-from handscope.estimators.hand_anatomy import ANGLES, JOINT, JOINTS
-from handscope.estimators.initial_pose import DEG
-from handscope.estimators.quaternions import Array
+from handscope.estimators.alignment.initial_pose import DEG
+from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
+from handscope.estimators.numerics.quaternions import Array
 
 SHOWN = (
     State.POSE_READY,

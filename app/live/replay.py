@@ -8,15 +8,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from handscope.app.kept_curves import Step, at_other
-from handscope.app.live.curve import Curve
-from handscope.app.live.told_angles import told_angles
+from handscope.app.live.readouts.angle_rows import told_angles
 from handscope.app.live.viewers import Viewers
+from handscope.app.results.curves import Step, at_other
+from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.quaternions import Array
 
 TICK = 1 / 60  # s
 TOLD = 0.1  # s between two snapshots for viewers while it plays

@@ -7,10 +7,10 @@ from types import ModuleType
 from typing import Any
 
 from handscope.app.protocols import Protocol
-from handscope.estimators.calibration import Known
-from handscope.estimators.hand_anatomy import Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.sessions.self_calibrations import Found
+from handscope.estimators.data.calibration import Known
+from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.sessions.clinic.self_calibrations import Found
 
 
 @dataclass(frozen=True, kw_only=True)

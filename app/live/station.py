@@ -16,31 +16,32 @@ from typing import Any, Literal
 import numpy as np
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live import ghost, kept_trials, wizard
-from handscope.app.live.curve import Curve
+from handscope.app.live import ghost, trial_events
+from handscope.app.live.calibration_movements import MeasuredSteps
 from handscope.app.live.free_movement import FreeMovement
-from handscope.app.live.held_so_far import HeldSoFar
-from handscope.app.live.measured_steps import MeasuredSteps
-from handscope.app.live.moving_finger import MOVES, bends
+from handscope.app.live.readouts.bending_finger import MOVES, bends
+from handscope.app.live.readouts.grasp_estimate import HeldSoFar
+from handscope.app.live.readouts.hand_position import Whereabouts
 from handscope.app.live.setup import Setup
-from handscope.app.live.telling import beat, tell
+from handscope.app.live.snapshot import beat, tell
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
-from handscope.app.live.whereabouts import Whereabouts
-from handscope.app.live.wizard import Act, Facts, NotNowError, Order, State, Wizard
-from handscope.app.scene.scene_apart import SceneApart
+from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.machine import Act, Facts, NotNowError, Order, State, Wizard
+from handscope.app.results.quantity_curve import Curve
+from handscope.app.scene.scene_process import SceneApart
 from handscope.app.version import software_version
-from handscope.estimators import calibration_quality
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.calibration_quality import JointQuality
+from handscope.estimators.alignment import quality as alignment_quality
+from handscope.estimators.alignment.initial_pose import DEG, THERAPIST, Pose
+from handscope.estimators.alignment.quality import JointQuality
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import Block, Event
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from handscope.estimators.hand_geometry import table_of
-from handscope.estimators.initial_pose import DEG, THERAPIST, Pose
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block, Event
-from handscope.estimators.simulation.tasks import POSE_THUMB
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand.geometry import table_of
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 from handscope.sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
@@ -122,11 +123,13 @@ class Station:
         try:
             wish = Act(what)
         except ValueError:
-            raise InputError(f"there is no action {what!r}; actions are {', '.join(a for a in Act if a in wizard.BY_PERSON)}") from None
+            raise InputError(
+                f"there is no action {what!r}; actions are {', '.join(a for a in Act if a in wizard_machine.BY_PERSON)}"
+            ) from None
         with self._lock:
             facts = self._now()
             try:
-                self._wizard, orders = wizard.act(self._wizard, wish, facts, task, reason, group, value)
+                self._wizard, orders = wizard_machine.act(self._wizard, wish, facts, task, reason, group, value)
             except NotNowError as refusal:
                 raise InputError(str(refusal)) from None
             self._do(orders, facts)
@@ -168,7 +171,7 @@ class Station:
             try:
                 with self._lock:
                     self._known = facts = self._facts()
-                    self._wizard, orders = wizard.tick(self._wizard, facts)
+                    self._wizard, orders = wizard_machine.tick(self._wizard, facts)
                     self._do(orders, facts)
                     self._move_freely(facts)
                     self._wiggle(facts)
@@ -250,8 +253,8 @@ class Station:
         return "Another glove was plugged in. Take the initial pose again, or plug the first one in."
 
     def _do(self, orders: Sequence[Order], facts: Facts) -> None:
-        if (w := self._wizard).state in (*wizard.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
-            self.curve.attempt(w.onset, np.inf if w.state in wizard.RUNNING else w.end, w.pauses)
+        if (w := self._wizard).state in (*wizard_machine.RUNNING, State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW):
+            self.curve.attempt(w.onset, np.inf if w.state in wizard_machine.RUNNING else w.end, w.pauses)
         for order in orders:
             if order.kind == "cue":
                 self._cue(order.task)
@@ -270,7 +273,7 @@ class Station:
             elif order.kind == "keep_attempt":
                 self._keep(order)
             elif order.kind == "measure_step":
-                self._wizard = wizard.judge(self._wizard, self.steps.measure(order).problems)
+                self._wizard = wizard_machine.judge(self._wizard, self.steps.measure(order).problems)
             elif order.kind in ("drop_step", "drop_steps"):
                 self.steps.drop(order.task)
             elif order.kind == "use_steps":
@@ -285,7 +288,7 @@ class Station:
         self.free.watch()
         if self.free.solved():
             refusal = self.free.settle()
-            self._wizard = wizard.unsolved(self._wizard, facts, refusal) if refusal else wizard.solved(self._wizard, facts)
+            self._wizard = wizard_machine.unsolved(self._wizard, facts, refusal) if refusal else wizard_machine.solved(self._wizard, facts)
 
     def _wiggle(self, facts: Facts) -> None:
         """While sensors are checked, a virtual patient does what the page asks for."""
@@ -322,13 +325,13 @@ class Station:
             if self.ended:
                 return
             if calibration is None:
-                self._wizard = wizard.refused(self._wizard, facts, refusal)
+                self._wizard = wizard_machine.refused(self._wizard, facts, refusal)
             else:
                 self._calibration, self._replaced = calibration, self.glove.assembler.replaced
                 self._keep_pose(pose)
-                self.scene.measured(calibration_quality.measured_fingers(calibration))
+                self.scene.measured(alignment_quality.measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
-                self._wizard, orders = wizard.posed(self._wizard, facts, poor, self.tracking.swapped())
+                self._wizard, orders = wizard_machine.posed(self._wizard, facts, poor, self.tracking.swapped())
                 self._do(orders, facts)
         self._viewers.notify()
 
@@ -346,12 +349,12 @@ class Station:
         try:
             self._calibration = c = self.tracking.guess()
         except InputError as problem:
-            self._wizard = wizard.refused(self._wizard, facts, str(problem))
+            self._wizard = wizard_machine.refused(self._wizard, facts, str(problem))
             return
         self.attempt_numbers += 1
         self.glove.keep_event(f"pose-{self.attempt_numbers}", Event(c.t, c.end - c.t, "annotation", {"calibration": "none"}))
         self.scene.face_ahead()
-        self.scene.measured(calibration_quality.measured_fingers(c))
+        self.scene.measured(alignment_quality.measured_fingers(c))
 
     def _look(self) -> None:
         """In a thread of its own: sensors that stood still while others moved."""
@@ -376,7 +379,7 @@ class Station:
     def joints(self) -> list[JointQuality]:
         """How good the calibration in force is for each joint; empty before the first."""
         faulty = {f.sensor for f in self.tracking.findings if f.severity == "fault"}
-        return calibration_quality.of_joints(self._calibration, faulty) if self._calibration else []
+        return alignment_quality.of_joints(self._calibration, faulty) if self._calibration else []
 
     def _number(self) -> int:
         """Of an attempt that is kept, from 1 on."""
@@ -386,7 +389,7 @@ class Station:
     def _keep(self, order: Order) -> None:
         number, trial = self._number(), self._wizard.accepted(order.task)
         protocol = next((p for p in self.setup.protocols if p.name == order.task), None)
-        for name, event in kept_trials.events(order, protocol, trial, self.tracking.newest_sample(), self.setup.worn):
+        for name, event in trial_events.events(order, protocol, trial, self.tracking.newest_sample(), self.setup.worn):
             self.glove.keep_event(name.format(number), event)
 
     def _draw(self, facts: Facts) -> None:

@@ -8,20 +8,21 @@ from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
-from handscope.app.kept_curves import in_step
 from handscope.app.live.replay import Beside, Replay
 from handscope.app.live.setup import Setup
 from handscope.app.live.station import Station
 from handscope.app.options import with_options
 from handscope.app.protocols import load_free, load_steps, offered
-from handscope.app.results import load_replay
+from handscope.app.results.curves import in_step
+from handscope.app.results.make import load_replay
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_geometry import HandGeometry, measures_from, sized
+from handscope.estimators.hand.geometry import HandGeometry, measures_from, sized
 from handscope.estimators.methods import METHODS
-from handscope.sessions import force_calibrations, records
-from handscope.sessions.self_calibrations import USED_BY
-from handscope.sessions.store import Store
-from handscope.sessions.tables import PatientSession, Result
+from handscope.sessions.clinic.self_calibrations import USED_BY
+from handscope.sessions.db.tables import PatientSession, Result
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store
+from handscope.sessions.tables_io import force_calibrations
 
 log = logging.getLogger(__name__)
 CLOSE_WAIT = 30.0  # s that leaving waits for a session that somebody else is closing

@@ -16,19 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.app.live.hand_trail import HandTrail
-from handscope.app.live.motion import Motion, latest, motions
-from handscope.estimators import functional_calibration, functional_steps, initial_pose, mounting_checks, sensor_checks, trajectory
-from handscope.estimators.calibration import Calibration, Known
-from handscope.estimators.finding import Finding
-from handscope.estimators.functional_steps import Piece
-from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.initial_pose import Pose
-from handscope.estimators.processing import with_known
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block, join, joined
-from handscope.estimators.trajectory import Flag, Trajectory
+from handscope.app.live.readouts.hand_trail import HandTrail
+from handscope.app.live.readouts.motion import Motion, latest, motions
+from handscope.estimators.alignment import functional_calibration, functional_movements, initial_pose, mounting_checks
+from handscope.estimators.alignment.functional_movements import Piece
+from handscope.estimators.alignment.initial_pose import Pose
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.calibration import Calibration, Known
+from handscope.estimators.data.findings import Finding
+from handscope.estimators.data.samples import Block, join, joined
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import with_known
+from handscope.estimators.sensors import fault_detection
 
 log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
@@ -147,7 +149,7 @@ class Tracking:
 
     def faults(self) -> tuple[Finding, ...]:
         """What is wrong with single sensors by the samples kept, as far as that can be told without a pose."""
-        return tuple(f for f in sensor_checks.check(self.samples(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
+        return tuple(f for f in fault_detection.check(self.samples(-np.inf), (0.0, 0.0)) if f.kind in ("dead_axis", "stuck"))
 
     def swapped(self) -> tuple[str, str] | None:
         """Two fingers whose strips the pose shows on each other's."""
@@ -164,7 +166,7 @@ class Tracking:
     def measure(self, step: str, onset: float, end: float) -> Piece:
         """What a step of a functional calibration tells that was just done; gyroscope biases are those of the pose."""
         bias = self.calibration.gyr_bias if self.calibration else {}
-        return functional_steps.measure(self.params, step, self.samples(onset), onset, end, bias)
+        return functional_movements.measure(self.params, step, self.samples(onset), onset, end, bias)
 
     def samples(self, onset: float) -> list[Block]:
         """Samples kept of an instant and later, one block a stream."""
@@ -175,7 +177,7 @@ class Tracking:
     def _checked(self, calibration: Calibration, window: list[Block], pose: Pose) -> Calibration:
         """The calibration with what is wrong with the sensors among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
-        found = sensor_checks.check(window, (calibration.t, calibration.end))  # all of it: what stood still while others moved
+        found = fault_detection.check(window, (calibration.t, calibration.end))  # all of it: what stood still while others moved
         broken = {f.sensor for f in found if f.severity == "fault"}
         mounting = {**self.mounting, **{s: calibration.q_BS[s] for s in calibration.q_BS_sd}}  # told by movements: how it sits is known
         found += [f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken]

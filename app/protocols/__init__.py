@@ -17,9 +17,9 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from handscope.app.protocols.lines import line_of
+from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import DOF_NAMES
-from handscope.estimators.samples import TRACKED_POINTS
+from handscope.estimators.hand.anatomy import DOF_NAMES
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
 Line = Annotated[str, Field(min_length=1, max_length=300)]

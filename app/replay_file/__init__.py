@@ -17,14 +17,15 @@ import numpy as np
 
 from handscope.app.language import Language
 from handscope.app.protocols import Protocol
-from handscope.app.scene import bones, postures, view
+from handscope.app.scene import postures, view
 from handscope.app.scene.bridge import without_controls
 from handscope.app.scene.hand_scene import HandScene
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Event
+from handscope.app.scene.mesh import bones
+from handscope.estimators.data.samples import Event
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 RATE = 30.0  # pictures a second; the player turns the bones on between two
 FULL = 4095  # steps from 0 to 1: 0.03 deg, 0.05 mm; finer would only keep the noise and double the file

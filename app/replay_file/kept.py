@@ -3,12 +3,12 @@
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.replay_file import chapters, replay_file
-from handscope.app.results import load_replay
-from handscope.estimators.hand_geometry import measures_from, sized
-from handscope.estimators.samples import Event
-from handscope.sessions import records
-from handscope.sessions.store import Store
-from handscope.sessions.tables import Result
+from handscope.app.results.make import load_replay
+from handscope.estimators.data.samples import Event
+from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.sessions.db.tables import Result
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store
 
 
 def of_result(store: Store, result: Result, named: bool, language: Language) -> bytes:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from handscope.app.language import Language
-from handscope.estimators.trajectory import FORCE_WORDS, PLACE_WORDS, ForceFlag, PlaceFlag
+from handscope.estimators.data.trajectory import FORCE_WORDS, PLACE_WORDS, ForceFlag, PlaceFlag
 
 ADVICE = (  # a piece of a reason as the measure says it, and what is to be done; a magnet that is out of reach where readings contradict is none
     ("nothing was held", "not_held"),

@@ -7,7 +7,7 @@ from typing import Literal
 from handscope.app.language import Language
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
-from handscope.app.report.range_rows import RangeRow
+from handscope.app.report.sections.range_rows import RangeRow
 from handscope.app.report.words import ROTATION, SIDES, side_words
 from handscope.estimators.measures.range_of_motion import Range
 

@@ -12,8 +12,8 @@ from handscope.app.report.norms import change_of_name
 from handscope.app.report.references import smallest_change, smallest_change_of_rate
 from handscope.app.report.units import reading
 from handscope.estimators.measures.figure import Figure
-from handscope.sessions.repeatability import ENOUGH, Comparison, Key, enough
-from handscope.sessions.tables import Repeatability
+from handscope.sessions.clinic.repeatability import ENOUGH, Comparison, Key, enough
+from handscope.sessions.db.tables import Repeatability
 
 Basis = Literal["own", "glove", "published", "none"]
 NEEDED = f"Published MDCs stand in until {ENOUGH + 1} sessions within a week (fewer give no reliable MDC) give the patient's own, or, of two people, the glove's."

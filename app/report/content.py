@@ -12,19 +12,19 @@ import numpy as np
 
 from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Changes
-from handscope.app.report.self_calibration import kept_of
-from handscope.estimators.calibration import SensorQuality
-from handscope.estimators.hand_anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
+from handscope.app.report.sections.self_calibration import kept_of
+from handscope.estimators.data.calibration import SensorQuality
+from handscope.estimators.data.options import Description, describe
+from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
+from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.options import Description, describe
-from handscope.estimators.processing import Processed
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import FLAG_WORDS, Flag, Trajectory
-from handscope.sessions.course import Course
-from handscope.sessions.recording import LoadedRecording
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import Processed
+from handscope.sessions.clinic.visit_history import Course
+from handscope.sessions.files.recording import LoadedRecording
 
 ATTEMPTED = ("accepted", "redone", "paused", "not used")  # outcomes of an attempt that say nothing about the patient
 CURVE_POINTS = 500  # of a curve on the page: finer than the print
@@ -148,7 +148,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What a person took out of the figures or moved, with the reason (sessions/corrections.py)."""
+    """What a person took out of the figures or moved, with the reason (sessions/clinic/corrections.py)."""
 
     title: str  # of the task
     kind: str

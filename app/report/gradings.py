@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from handscope.app.report.content import Content, Task
-from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.measures.total_active_motion import GRADINGS, regraded
-from handscope.sessions.course import Course
+from handscope.sessions.clinic.visit_history import Course
 
 MEASURE = "total_active_motion"
 DEFAULT = next(iter(GRADINGS))

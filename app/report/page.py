@@ -10,18 +10,18 @@ import numpy as np
 
 from handscope.app.language import Language
 from handscope.app.report.content import CalibrationFacts, Content, LeftOut, StreamFacts, Task
-from handscope.app.report.measure_plots import drawn
-from handscope.app.report.other_measures import other_measures
-from handscope.app.report.range_rows import asks_full_range, by_task
-from handscope.app.report.range_section import range_section
-from handscope.app.report.self_calibration import section as self_calibration_section
+from handscope.app.report.sections.measure_plots import drawn
+from handscope.app.report.sections.other_measures import other_measures
+from handscope.app.report.sections.range_rows import asks_full_range, by_task
+from handscope.app.report.sections.range_section import range_section
+from handscope.app.report.sections.self_calibration import section as self_calibration_section
+from handscope.app.report.sections.tapping_section import TRIALS, tapping_section
+from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import outcome_words, summary
 from handscope.app.report.tables import data_checksum
-from handscope.app.report.tapping_section import TRIALS, tapping_section
-from handscope.app.report.trend_section import trend_section
 from handscope.app.report.units import DEG, unit_words
-from handscope.estimators.calibration import SensorQuality
-from handscope.estimators.samples import FORCE
+from handscope.estimators.data.calibration import SensorQuality
+from handscope.estimators.data.samples import FORCE
 
 Page = dict[str, Any]
 

@@ -14,8 +14,8 @@ from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Judge, judged_by, read_as
 from handscope.app.report.content import asked
 from handscope.app.report.references import Reference, references
-from handscope.estimators.hand_anatomy import ANGLES, HANDS, Hand
-from handscope.sessions.repeatability import Key, Occasion, Visited
+from handscope.estimators.hand.anatomy import ANGLES, HANDS, Hand
+from handscope.sessions.clinic.repeatability import Key, Occasion, Visited
 
 ENDS: Mapping[str, Literal["largest", "smallest"]] = {"max": "largest", "min": "smallest"}
 Way = tuple[str, str]  # method and options

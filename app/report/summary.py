@@ -10,9 +10,9 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Content, Task
-from handscope.app.report.range_comparison import Lacking, behind_other, behind_reference, other_hand
-from handscope.app.report.range_rows import GRADES, asks_full_range
 from handscope.app.report.references import smallest_change
+from handscope.app.report.sections.range_comparison import Lacking, behind_other, behind_reference, other_hand
+from handscope.app.report.sections.range_rows import GRADES, asks_full_range
 from handscope.app.report.units import DEG
 from handscope.app.report.words import joint_words
 from handscope.estimators.measures.figure import Figure

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from handscope.app.language import Language
 from handscope.app.report.content import Task
 from handscope.app.report.units import DEG
-from handscope.estimators.hand_anatomy import JOINT, JOINTS
+from handscope.estimators.hand.anatomy import JOINT, JOINTS
 from handscope.estimators.measures.figure import Figure
 
 SIDES = {  # keys of the words of the negative and the positive deviation

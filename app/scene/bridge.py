@@ -18,8 +18,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin, Subprotocol
 
-from handscope.app.scene import packed_program
-from handscope.app.scene.guarded_server import HOST
+from handscope.app.scene import viser_csp_hash
+from handscope.app.scene.loopback_server import HOST
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 LARGEST_FROM_BROWSER = 1 << 20  # bytes: the camera and clicks take some hundred
@@ -60,7 +60,7 @@ def scripts() -> tuple[str, ...]:
     """What the policy names the page's scripts by: those that stand in it, and the program that the first of them unpacks and puts there."""
     standing = [found.encode() for found in re.findall(r"<script[^>]*>(.*?)</script>", client_page().decode(), re.DOTALL)]
     return tuple(
-        f"'sha256-{b64encode(sha256(script).digest()).decode()}'" for script in (*standing, packed_program.program(_as_it_comes()))
+        f"'sha256-{b64encode(sha256(script).digest()).decode()}'" for script in (*standing, viser_csp_hash.program(_as_it_comes()))
     )
 
 

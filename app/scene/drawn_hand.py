@@ -11,11 +11,11 @@ from viser import MeshSkinnedHandle, ViserServer
 from viser import _messages as wire
 
 from handscope.app.scene import palette
-from handscope.app.scene.bones import BONE
+from handscope.app.scene.mesh.bones import BONE
+from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh
 from handscope.app.scene.palette import Paint
-from handscope.app.scene.skinned_mesh import SkinnedMesh
-from handscope.estimators.hand_anatomy import FINGERS
-from handscope.estimators.quaternions import IDENTITY, Array
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.numerics.quaternions import IDENTITY, Array
 
 # A bone that turned or moved less than this since it was sent is not sent again: a fiftieth of a millimetre at the tip of a finger, where a pixel is
 # some tenths; sensors that lie still tell as much

@@ -7,11 +7,12 @@ Out     scene units: a newton is LENGTH metres of the hand
 import numpy as np
 from viser import ViserServer
 
-from handscope.app.scene import bones, palette
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import FINGERS
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
+from handscope.app.scene import palette
+from handscope.app.scene.mesh import bones
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 LENGTH = 0.008  # m a newton: a pinch of 5 N is as long as two phalanges
 BEHIND = 0.022  # m from the tip, away from what is pushed, to where the number stands

@@ -13,20 +13,21 @@ from types import TracebackType
 import numpy as np
 from viser import ClientHandle
 
-from handscope.app.scene import bones, palette, postures, stage, view
+from handscope.app.scene import palette, postures, stage, view
 from handscope.app.scene.drawn_hand import DrawnHand
 from handscope.app.scene.force_arrows import ForceArrows, in_hand
-from handscope.app.scene.guarded_server import make_server, quiet, renumber
-from handscope.app.scene.hand_beside import BESIDE, HandBeside
-from handscope.app.scene.hand_mesh import hand_mesh
-from handscope.app.scene.highlight_mesh import highlight_parts
+from handscope.app.scene.loopback_server import make_server, quiet, renumber
+from handscope.app.scene.mesh import bones
+from handscope.app.scene.mesh.hand_mesh import hand_mesh
+from handscope.app.scene.mesh.highlight_mesh import highlight_parts
+from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh
 from handscope.app.scene.palette import Paint
 from handscope.app.scene.reach_map import ReachMap
-from handscope.app.scene.skinned_mesh import SkinnedMesh
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import FINGERS, JOINT, SEGMENT, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
+from handscope.app.scene.second_hand import BESIDE, HandBeside
+from handscope.estimators.hand.anatomy import FINGERS, JOINT, SEGMENT, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 _LIT = "lit_"
 _BENT_WRIST = np.radians(2.0)

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import JOINTS
-from handscope.estimators.quaternions import Array
-from handscope.estimators.simulation import tasks
+from handscope.estimators.hand.anatomy import JOINTS
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.simulation.movements import task_performance
 
 
 def angles_of(posture: Array) -> Array:
@@ -21,7 +21,7 @@ def angles_of(posture: Array) -> Array:
 
 def relaxed() -> Array:
     """The resting hand."""
-    return angles_of(tasks.relaxed())
+    return angles_of(task_performance.relaxed())
 
 
 def filled(angles: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from viser import ViserServer
 
 from handscope.app.scene import palette
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.quaternions import Array
 
 SCALE = 1.1
 AT = np.array([-1.02, -0.15, 0.0])  # the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it

@@ -6,11 +6,11 @@ except that the global heading, which is arbitrary, is replaced: as measured at 
 
 import numpy as np
 
-from handscope.estimators import joint_angles
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import JOINT, Hand, side_sign
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import JOINT, Hand, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 PALM = 0.834  # every hand is drawn with a palm this long, an adult's in decimetres: a child's hand fills the view alike
 CAMERA = np.array([0.0, -3.15, 4.55])

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import coo_array, csr_array
 
-from handscope.estimators.quaternions import Array
-from handscope.estimators.self_calibration import first_guess, residuals, skin, solver
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
+from handscope.estimators.self_calibration import residuals, soft_tissue, solver
 from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
@@ -38,7 +39,7 @@ def compared(duration: float) -> str:
     block = made.samples["imu"]
     sure = np.ones(block.values.shape[:2])
     read = Readings(1 / block.stream.rate, block.of("gyr"), block.of("acc"), sure, sure)
-    guess = first_guess.unknowns(LINKED, Noise(), read, mounted(LINKED, made.mounting, Z))
+    guess = self_calibration_initialisation.unknowns(LINKED, Noise(), read, mounted(LINKED, made.mounting, Z))
     problem = bent(posed(LINKED, Noise(), read, guess.q_GS[0], made.hand, made.mounting), guess)
     began = time.process_time()
     ours = solver.solve(problem, guess)
@@ -88,7 +89,7 @@ def _slopes(problem: Problem, here: Unknowns, x: Array) -> csr_array:
     """Derivatives by the increment from `here`, sparse; what an increment of a rotation or a direction does where it is large is part of it."""
     at, S = _at(problem, here, x), len(LINKED.sensors)
     e, n, P = 3 * S, len(problem) * 3 * S, columns(LINKED).count
-    turning = skin.right_jacobian(x[:n].reshape(len(problem), S, 3))
+    turning = soft_tissue.right_jacobian(x[:n].reshape(len(problem), S, 3))
     of_parameters = _of_axes(here, x[n:])
     rows, cols, values, first = [], [], [], 0
     for kind in residuals.EVERY_SAMPLE:

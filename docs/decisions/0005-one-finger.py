@@ -12,15 +12,15 @@ from unittest import mock
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import map as method
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration.problem import columns
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.recording import LoadedRecording
 
 DURATION, RATE, STEP = 20.0, 100.0, 1e-3  # s, Hz; s between the places of which differences are taken
 TURN, SLIDE = np.radians(2.0) / (np.pi / 2), 1e-3 / (np.pi / 2)  # rad and m a rad, of the skin with its joint

@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import CHAINS
-from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, sized
-from handscope.estimators.self_calibration import first_guess, hand_solver, recordings, segments, solver
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.geometry import HandGeometry, HandMeasures, sized
+from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
+from handscope.estimators.self_calibration import sample_preparation, segments, solver
 from handscope.estimators.self_calibration.problem import Noise, Z, chain, measured, mounted, posed
 from handscope.estimators.self_calibration.solver import Limits, Solution
-from handscope.estimators.simulation import free_movement
+from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
+from handscope.estimators.simulation.movements import free_movement
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 
@@ -27,11 +29,11 @@ def compared(seed: int) -> str:
     began = time.process_time()
     alone = [_alone(made, finger) for finger in CHAINS]
     between = time.process_time()
-    together = hand_solver.solve(alone, Noise(), Limits(least_gain=0.25))
+    together = whole_hand_solver.solve(alone, Noise(), Limits(least_gain=0.25))
     took = time.process_time() - between
     return (
         f"seed {seed}: alone {_errors(made, true, alone)}, {between - began:.0f} s;"
-        f" together ({together.outcome}) {_errors(made, true, hand_solver.of_limbs(together))}, {took:.0f} s more"
+        f" together ({together.outcome}) {_errors(made, true, whole_hand_solver.of_limbs(together))}, {took:.0f} s more"
     )
 
 
@@ -46,8 +48,8 @@ def _person(seed: int) -> HandGeometry:
 
 def _alone(made: Simulated, finger: str) -> Solution:
     links = chain(("hand", *CHAINS[finger]))
-    _, read = recordings.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
-    guess = first_guess.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
+    _, read = sample_preparation.readings(list(made.blocks()), links.sensors, 0.0, DURATION)
+    guess = self_calibration_initialisation.unknowns(links, Noise(), read, mounted(links, made.mounting, Z))
     return solver.learnt(measured(posed(links, Noise(), read, guess.q_GS[0], "left", made.mounting), made.geometry.lengths), guess)
 
 

@@ -9,14 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.app.reproduce import kortier5
-from handscope.estimators import magnet_setup, magnet_tracking, magnetometer_sphere
-from handscope.estimators import quaternions as quat
-from handscope.estimators.magnet_options import MagnetParams
-from handscope.estimators.magnet_start import Setup
-from handscope.estimators.magnet_tracking import Readings
+from handscope.estimators.magnet.model import setup as magnet_setup
+from handscope.estimators.magnet.tracker import tracker as magnet_tracker
+from handscope.estimators.magnet.tracker.initialisation import Setup
+from handscope.estimators.magnet.tracker.options import MagnetParams
+from handscope.estimators.magnet.tracker.tracker import Readings
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.sensors import magnetometer_ellipsoid
 from handscope.estimators.simulation import magnet
 from handscope.estimators.simulation.magnetic_field import EARTH, MagneticField, office
+from handscope.validation.papers import kortier5
 
 FAR = 1.2  # m of the dipole that makes a gradient
 Change = Callable[[Setup, Readings, int], tuple[Setup, Readings]]
@@ -87,10 +89,10 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     worn, spot = magnet.worn(rng), kortier5.SPOT
     turning = magnet.turned_about(rng, spot=spot)
     raw = magnet.magnetic(worn, turning, room, rng, magnet=False)
-    spheres = [magnetometer_sphere.fitted(raw[:, k], strength=EARTH) for k in range(raw.shape[1])]
+    spheres = [magnetometer_ellipsoid.fitted(raw[:, k], strength=EARTH) for k in range(raw.shape[1])]
     calibrated = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
-    q_bl = magnetometer_sphere.common_axes(calibrated).q_1l
-    dip = magnetometer_sphere.dip(calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:])
+    q_bl = magnetometer_ellipsoid.common_axes(calibrated).q_1l
+    dip = magnetometer_ellipsoid.dip(calibrated[:, 0], magnet.inertial(worn, turning, rng)[:, 0, 3:])
     m = magnet.condition(movement, rng, spot=spot)
     told = quat.multiply(m.q_bt[0], quat.exp(kortier5.START / np.sqrt(3) * rng.normal(size=3)))
     carried = magnet_setup.magnet(worn.told_moment, worn.told_lever)
@@ -99,7 +101,7 @@ def trial(movement: str, seed: int, case: str) -> tuple[float, float, float]:
     raw = magnet.magnetic(worn, m, room, rng, second=PIECES[case](seed) if case in PIECES else None)
     mag = np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
     setup, readings = CHANGES.get(case, CHANGES["as told"])(setup, Readings(m.t, inertial[:, 0], inertial[:, 1], mag), seed)
-    track = magnet_tracking.tracked(MagnetParams(gyr_reading="instant"), setup, readings)
+    track = magnet_tracker.tracked(MagnetParams(gyr_reading="instant"), setup, readings)
     late_on = m.t >= kortier5.FIRST
     wrong, sd = np.linalg.norm(track.p_bt - m.p_bt, axis=1)[late_on], np.linalg.norm(track.p_sd, axis=1)[late_on]
     doubtful = track.doubtful[late_on]

@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from handscope.app.benchmarks.map_live import errors
 from handscope.app.commands.words import say
 from handscope.app.options import parse, with_options
-from handscope.app.reproduce.experiments import Trial, performed
-from handscope.estimators import trajectory
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import ALL_METHODS
-from handscope.estimators.processing import calibrate, process
-from handscope.estimators.samples import Block
+from handscope.estimators.pipeline.process import calibrate, process
 from handscope.estimators.simulation.experiments import EXPERIMENTS
 from handscope.estimators.simulation.person import drawn
 from handscope.estimators.simulation.scenario import Simulated
+from handscope.validation.benchmarks.map_live import errors
+from handscope.validation.reproduce.experiments import Trial, performed
 
 BESIDE = ("m2", "ekf", "map-live")
 SINGLE = 500  # samples that come one by one

@@ -14,14 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from handscope.estimators.data.samples import Block
 from handscope.estimators.measures import lift, squeeze
 from handscope.estimators.methods import m2
-from handscope.estimators.processing import process
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block
-from handscope.estimators.simulation import functional, held_object, person, tasks
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import process
+from handscope.estimators.simulation import person
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.held_object import NO_MISHAP, Mishap
+from handscope.estimators.simulation.movements import functional_calibration, object_dynamics, task_performance
+from handscope.estimators.simulation.movements.object_dynamics import NO_MISHAP, Mishap
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
 from handscope.estimators.simulation.sensors import PRESETS
 
@@ -64,13 +65,13 @@ def performed_by(seed: int, what: str, condition: Condition) -> tuple[Simulated,
     """Somebody with a hand of their own lifts or squeezes; with the true mass or stiffness."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng([seed, 7]).spawn(4)
     somebody = person.drawn("left", of_person)
-    pose = tasks.initial_pose(somebody.true, taken=functional.missed(tasks.flat(), POSE, of_pose))
+    pose = task_performance.initial_pose(somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose))
     if what == "lift":
         true = MASSES[seed % 2]
-        task = held_object.lift(somebody.true, of_motion, mass=true, mishap=condition.mishap)
+        task = object_dynamics.lift(somebody.true, of_motion, mass=true, mishap=condition.mishap)
     else:
         true = STIFFNESS
-        task = held_object.squeeze(somebody.true, of_motion, stiffness=true, mishap=condition.mishap)
+        task = object_dynamics.squeeze(somebody.true, of_motion, stiffness=true, mishap=condition.mishap)
     glove = ForceGlove(errors=condition.errors)
     preset = PRESETS["LSM330DLC/HMC5983"]
     made = performed([pose, task], "left", somebody.true, of_sensors, preset, known=somebody.told, force=glove)

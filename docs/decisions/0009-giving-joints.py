@@ -1,7 +1,7 @@
 """What `ekf`'s standard deviations are worth where joints give about axes that are none of their freedoms: by the belief alone, and learnt beside it.
 
 Run     python docs/decisions/0009-giving-joints.py, from the repository; a minute
-Out     for hinges that are exact, that give as their flexion is (estimators/simulation/giving.py) and that give as it comes (sines of 2 to 6 s): normalised
+Out     for hinges that are exact, that give as their flexion is (estimators/simulation/joint_compliance.py) and that give as it comes (sines of 2 to 6 s): normalised
         errors squared of angles and tips, RMS of the angles, for `ekf` as it is and where nothing is learnt; `free` movement of four people
 """
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators import finger_ekf
-from handscope.estimators.hand_anatomy import IS_DOF, JOINTS
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.finger_ekf import filter as finger_ekf_filter
+from handscope.estimators.hand.anatomy import IS_DOF, JOINTS
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import ekf
-from handscope.estimators.processing import process
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import judged, recorded
 from handscope.estimators.simulation.motion import Motion
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.estimators.simulation.tasks import Performance
 
 PEOPLE = 4
 SURE = 1e9  # samples that a belief counts as which nothing changes
@@ -65,16 +65,16 @@ def made(seed: int, size_deg: float, follows: bool) -> Simulated:
 
 def judge(recording: Simulated, learning: bool) -> tuple[float, float, float]:
     """Normalised errors squared of angles and tips, RMS of the angles in deg."""
-    start = finger_ekf.start
+    start = finger_ekf_filter.start
 
     def sure(*given, **named):  # type: ignore[no-untyped-def]
         state = start(*given, **named)
         belief = np.radians(ekf.Params().dimension_noise) ** 2
         return replace(state, give=np.broadcast_to(SURE * np.array([belief, 1.0]), state.give.shape).copy())
 
-    finger_ekf.start = start if learning else sure
+    finger_ekf_filter.start = start if learning else sure
     moved = process(ekf, ekf.Params(), recording).trajectory
-    finger_ekf.start = start
+    finger_ekf_filter.start = start
     assert moved.angles_sd is not None and moved.tips_sd is not None
     where = judged(recording)
     angles, tips = ((getattr(moved, what) - getattr(recording.truth, what))[where] for what in ("angles", "tips"))

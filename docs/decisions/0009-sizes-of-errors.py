@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from handscope.app.reproduce import broad, published
-from handscope.estimators import initial_pose
-from handscope.estimators import quaternions as quat
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.validation.papers import published
+from handscope.validation.studies import broad
 
 UP = np.array([0.0, 0.0, 1.0])
 LASTS = 3.0  # s that errors of VQF's vertical stay alike: its tauAcc

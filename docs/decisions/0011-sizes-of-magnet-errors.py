@@ -16,8 +16,8 @@ from scipy.io import loadmat
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 GRAVITY = 9.8127  # m/s^2 in Berlin
 EDGE = 5.0  # s at both ends that are left out

@@ -14,9 +14,9 @@ mpl.use("Agg")  # leave this line out in a notebook
 from matplotlib import pyplot as plt
 
 from handscope.estimators.methods import METHODS
-from handscope.estimators.processing import process
-from handscope.sessions import frames
-from handscope.sessions.formats import load
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files import frames
+from handscope.sessions.formats.recordings import load
 
 recording = load(Path(sys.argv[1]))
 method = METHODS["m2"]

@@ -10,9 +10,9 @@ from handscope.app.report.norms import norm_of
 from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import assess
 from handscope.estimators.methods import METHODS
-from handscope.estimators.processing import process
-from handscope.sessions import frames
-from handscope.sessions.formats import load
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files import frames
+from handscope.sessions.formats.recordings import load
 
 recording = load(Path(sys.argv[1]))
 processed = process(METHODS["m2"], METHODS["m2"].Params(), recording)

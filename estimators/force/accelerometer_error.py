@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import CHAINS
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, Block, every
+from handscope.estimators.data.samples import ACC, GYR, Block, every
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 
 LIKELY = 2.0  # sensors at rest that the prior counts as; ours
 WINDOW = 1.0  # s

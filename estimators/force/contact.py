@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.data.options import option
+from handscope.estimators.numerics.quaternions import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.force import accelerometer_error, balance, contact, fingertip_torques, interpolation, tip_orientation, zero
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
+from handscope.estimators.data.trajectory import FORCE_WORDS, ForceFlag, Trajectory
+from handscope.estimators.force import accelerometer_error, contact, fingertip_torques, force_balance, interpolation, tip_orientation, zero
 from handscope.estimators.force.contact import ContactParams, Grasp
 from handscope.estimators.force.sensor import old, stuck
 from handscope.estimators.force.tip_orientation import TipParams, Tips
 from handscope.estimators.force.zero import Zero, ZeroParams
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, TORQUE, Block, beyond
-from handscope.estimators.trajectory import FORCE_WORDS, ForceFlag, Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 IMPOSSIBLE = 500.0  # N: no fingertip does that; ours, five times the strongest pinch
@@ -93,7 +93,7 @@ def attached(
                 quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
                 for by, v in ((told.turn, force), (told.inertial, acc))
             )
-            rest, rest_sd = balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], scale[here])
+            rest, rest_sd = force_balance.rest_along_push(pushed, specific, told.covariance, sd[a:b, here], scale[here])
             if abs(rest) > params.shared * rest_sd:
                 flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
     q, q_inertial = (quat.multiply(quat.exp(by), q_GF) for by in (turn, inertial))

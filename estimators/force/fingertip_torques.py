@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from handscope.estimators.data.samples import TORQUE, Block, beyond
 from handscope.estimators.force import interpolation, zero
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import TORQUE, Block, beyond
+from handscope.estimators.numerics.quaternions import Array
 
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
 IMPOSSIBLE = 5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another

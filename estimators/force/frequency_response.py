@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.quaternions import Array
 
 EXCITED = 0.02  # of the largest power of the force: frequencies with more are excited
 BANDWIDTH = 0.95  # share of the force's power below its bandwidth

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.contact import runs
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 NOTHING = "no load"

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from handscope.estimators.data.samples import FORCE_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import FORCE_POINTS
+from handscope.estimators.numerics.quaternions import Array
 
 
 @dataclass(frozen=True)

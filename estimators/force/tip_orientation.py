@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import every
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import every
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 

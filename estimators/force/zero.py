@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import every
 from handscope.estimators.force.contact import runs
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import every
+from handscope.estimators.numerics.quaternions import Array
 
 MEMORY = 1.0  # s over which a zero is averaged to tell whether a reading is still it; ours: a force builds up faster
 SURE = 3.5  # standard deviations of the size of a vector of noise

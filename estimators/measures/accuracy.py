@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Joint
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Flag, Trajectory
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, SEGMENT, SEGMENTS, Joint
+from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b

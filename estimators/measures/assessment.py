@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.accuracy import DEFAULT, Accuracy, with_sd
-from handscope.estimators.measures.asked import Asked, asked_of
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.measures.shown import NOTHING, Shown
-from handscope.estimators.samples import Event
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import NOTHING, Shown
+from handscope.estimators.measures.task_request import Asked, asked_of
 
 
 @dataclass(frozen=True)

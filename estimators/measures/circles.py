@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import DEVIATION, FLEXION, JOINT, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import DEVIATION, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.held import within
-from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Circles with the index finger"
 SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covariance"

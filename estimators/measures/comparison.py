@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT
+from handscope.estimators.data.samples import GYR, Block, Event
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT
 from handscope.estimators.measures.synchronisation import Signal, interpolated
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import GYR, Block, Event
-from handscope.estimators.trajectory import Flag, Trajectory
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 LIMIT = 1.96  # standard deviations: 95 % of normally distributed differences
 UNKNOWN = np.uint8(Flag.MISSING | Flag.HEADING_LOST | Flag.FAULTY)  # what the instrument itself does not claim to know; clipping stays in

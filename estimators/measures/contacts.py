@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.fingertips import FINGERTIPS, POINTS, contact_points_of
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import Asked
+from handscope.estimators.data.fingertip_contacts import FINGERTIPS, POINTS, contact_points_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Grade
-from handscope.estimators.measures.held import graded
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.task_request import Asked
+from handscope.estimators.measures.time_window import graded
+from handscope.estimators.numerics.quaternions import Array
 
 SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import find_peaks
 
+from handscope.estimators.data.options import option
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.figure import Grade, worse
 from handscope.estimators.measures.signals import Even, checked, even, stretches
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 ISLAM = "Islam 2023 (npj Digit Med 6:156), constants of its code"

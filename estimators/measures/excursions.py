@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.measures.cycles import Cycles
-from handscope.estimators.measures.held import within
 from handscope.estimators.measures.repetitions import HIGH, LOW
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 BEGIN = 0.3  # s whose median is the posture at the beginning
 LEAST = np.radians(10.0)  # of an angle's range: less is no movement

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.trajectory import FLAG_WORDS
+from handscope.estimators.data.trajectory import FLAG_WORDS
 
 Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")

@@ -6,13 +6,13 @@ Source  between neighbours: Chatzioglou 2024 (Anat Cell Biol 57:172), there from
 Limits  zero is fingers parallel in the initial pose: what a hand has between its fingers then is not counted
 """
 
-from handscope.estimators.hand_anatomy import DEVIATION, FINGERS
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures import held_angles
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import DEVIATION, FINGERS
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 
 TITLE = "Finger spread"
 SOURCE = "Chatzioglou 2024 (Anat Cell Biol 57:172)"
@@ -56,4 +56,4 @@ def measure(
     asked: Asked = UNKNOWN,
 ) -> list[Reached]:
     """Of the fingers that were measured."""
-    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)

@@ -8,15 +8,15 @@ Limits  the hand's long axis must not stand upright; what the shoulder adds is n
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import SEGMENT, side_sign
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures import held_angles
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import SEGMENT, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, shown
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Turning the forearm"
 SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"
@@ -58,4 +58,4 @@ def measure(
     asked: Asked = UNKNOWN,
 ) -> list[Reached]:
     """Of the hand, where it was measured."""
-    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)

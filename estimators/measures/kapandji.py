@@ -12,18 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators import forward_kinematics, joint_angles
-from handscope.estimators import quaternions as quat
-from handscope.estimators.fingertips import FINGERTIPS, contact_points, offset
-from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION, SEGMENT, side_sign
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points, offset
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand import forward_kinematics, joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION, SEGMENT, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.measures.held import graded, held, usable_in, window_of, within
-from handscope.estimators.measures.shown import Curve, Shown
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Opposition of the thumb (Kapandji)"
 KAPANDJI = "Kapandji 1986 (Ann Chir Main 5:67)"

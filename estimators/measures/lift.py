@@ -13,19 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.force import exchange, holding, identification
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.force import grasp_phases, identification, load_exchange
 from handscope.estimators.force.contact import ContactParams
-from handscope.estimators.force.holding import UNREAD, UNSURE, Holding
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
 from handscope.estimators.force.identification import Running
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
-from handscope.estimators.measures.held import within
-from handscope.estimators.measures.shown import Curve, Shown
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Lift"
 KORTIER = "Kortier, thesis ch. 6"
@@ -116,9 +116,9 @@ def measure(
 ) -> Lift:
     """Every lift of the stretch."""
     part = within(trajectory, onset, end)
-    if not holding.measured(part):
+    if not grasp_phases.measured(part):
         return Lift(False, (), 0, "poor", NONE)
-    found = holding.holdings(params, part)
+    found = grasp_phases.holdings(params, part)
     lifts = [made for h in found if (made := _lifted(params, h)) is not None]
     if not lifts:
         return Lift(True, (), len(found), "poor", "nothing was lifted" if found else "nothing was held")
@@ -190,7 +190,7 @@ def mass_of(params: Params, h: Holding, used: NDArray[np.bool_]) -> Weighed:
     gained = growing.theta[1] if changed > params.perhaps else 0.0
     supported = abs(both.theta[1]) / float(np.hypot(both.sd[1], np.sqrt(of_axes[2])))
     carried = both.theta[1] if supported > params.perhaps else 0.0
-    untold = holding.untold_share(h, used) * fit.theta[0]
+    untold = grasp_phases.untold_share(h, used) * fit.theta[0]
     common = float(np.sqrt((of_axes[2] + unexplained + carried**2) / GRAVITY**2 + untold**2 + gained**2 / 12))  # any of those it had
     each = float(np.sqrt((fit.residuals**2).mean() * len(s) / fit.independent))
     running = identification.followed(
@@ -237,7 +237,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     h, off = one.held, one.off
     sd = np.sqrt((h.alike_sd[off] ** 2).mean(axis=0))  # (S, 3)
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
-    untold = holding.untold_share(h, off)  # of the push, and perhaps of the load: one side of the grip lacks it
+    untold = grasp_phases.untold_share(h, off)  # of the push, and perhaps of the load: one side of the grip lacks it
     grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * untold * grip))
     load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), untold * load))
     first, last = t[off][0], t[off][-1]
@@ -245,7 +245,7 @@ def _values(one: Lifted) -> dict[str, tuple[float, float]]:
     up = off & (np.arange(len(t)) <= int(np.argmax(h.height)))
     work = lifting_work(h, up)
     turned, turned_sd = (
-        float(exchange.work(t[up], v[up])[-1]) if v is not None else np.nan for v in (h.turning, h.turning_sd)
+        float(load_exchange.work(t[up], v[up])[-1]) if v is not None else np.nan for v in (h.turning, h.turning_sd)
     )  # a zero errs all the way
     height, height_sd = float(h.height.max()), HEIGHT_ERROR * (t[-1] - t[0]) ** 2
     if np.isnan(one.mass):  # the sum of the forces is not known: nor is what it did
@@ -278,7 +278,7 @@ def lifting_work(h: Holding, up: NDArray[np.bool_]) -> float:
     """J that the forces do on the object at the instants `up`: the integral of F'v, F the sum of the fingertips' forces and v the object's velocity."""
     if h.velocity is None or not up.any():
         return float("nan")
-    return float(exchange.work(h.t[up], exchange.power(h.net[up][:, None], h.velocity[up][:, None]))[-1])
+    return float(load_exchange.work(h.t[up], load_exchange.power(h.net[up][:, None], h.velocity[up][:, None]))[-1])
 
 
 def shown(r: Lift) -> Shown:

@@ -8,17 +8,17 @@ Source  movement: MDS-UPDRS item 3.5 (never its score); the angle is how far the
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures import repeated
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import cycle_measure
+from handscope.estimators.measures.cycle_measure import Repeated, Words
 from handscope.estimators.measures.cycles import Params
 from handscope.estimators.measures.figure import Figure, grade_of
-from handscope.estimators.measures.held import within
-from handscope.estimators.measures.repeated import Repeated, Words
-from handscope.estimators.measures.shown import Shown
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Opening and closing the hand"
 WORDS = Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,")
@@ -53,19 +53,19 @@ def measure(
     if part.angles_sd is not None:
         squares = sum((part.angles_sd[:, joints[f], FLEXION] ** 2).sum(axis=1).mean() for f in measured)
         sd = float(np.sqrt(squares)) / len(measured)
-    return repeated.measured(params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd)
+    return cycle_measure.measured(params, part.t, -flexion, (onset, end), grade_of(part.flags[inside][:, segments]), sd)
 
 
 def of_flexion(t: Array, flexion: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
     """Fists in a flexion (n,) in rad at times t (n,) s."""
-    return repeated.of_array(params or Params(), t, -np.asarray(flexion, float), sd)
+    return cycle_measure.of_array(params or Params(), t, -np.asarray(flexion, float), sd)
 
 
 def figures(trial: Repeated) -> list[Figure]:
     """The flat list of figures."""
-    return repeated.figures_of(WORDS, trial)
+    return cycle_measure.figures_of(WORDS, trial)
 
 
 def shown(trial: Repeated) -> Shown:
     """How far the hand is open, and the amplitude of every opening."""
-    return repeated.shown_of(WORDS, trial)
+    return cycle_measure.shown_of(WORDS, trial)

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import CHAINS, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycles
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.contacts import Contact, Touched, contacts_of, touched
 from handscope.estimators.measures.figure import Figure, Kind, kinds
-from handscope.estimators.measures.held import held, usable_in, window_of, within
-from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even
-from handscope.estimators.options import option
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import held, usable_in, window_of, within
 
 TITLE = "Pinch"
 KORTIER = "Kortier, thesis 2.3.2"

@@ -5,18 +5,18 @@ Out     cycles from palm down to palm down: count, rate, intervals, amplitude, s
 Source  movement: MDS-UPDRS item 3.6 (never its score); the angle is which way the palm faces against gravity (forearm_rotation.py): ours; the rest cycles.py
 """
 
-from handscope.estimators.hand_anatomy import SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures import repeated
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import cycle_measure
+from handscope.estimators.measures.cycle_measure import Repeated, Words
 from handscope.estimators.measures.cycles import Params
 from handscope.estimators.measures.figure import Figure, grade_of
 from handscope.estimators.measures.forearm_rotation import INCLINATION, palm_turn
-from handscope.estimators.measures.held import within
-from handscope.estimators.measures.repeated import Repeated, Words
-from handscope.estimators.measures.shown import Shown
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Turning the palm up and down"
 WORDS = Words("pronation_supination", "turn", "angle by which the palm faces up")
@@ -44,19 +44,19 @@ def measure(
         return Repeated(params, None, (), None, "poor", "no samples")
     inside = (part.t >= onset) & (part.t <= end)
     graded = grade_of(part.flags[inside][:, [SEGMENT["hand"]]])
-    return repeated.measured(params, part.t, palm_turn(part), (onset, end), graded, INCLINATION)
+    return cycle_measure.measured(params, part.t, palm_turn(part), (onset, end), graded, INCLINATION)
 
 
 def of_turn(t: Array, turn: Array, params: Params | None = None, sd: float | None = None) -> Repeated:
     """Turns in an angle (n,) in rad at times t (n,) s, smallest with the palm down."""
-    return repeated.of_array(params or Params(), t, turn, sd)
+    return cycle_measure.of_array(params or Params(), t, turn, sd)
 
 
 def figures(trial: Repeated) -> list[Figure]:
     """The flat list of figures."""
-    return repeated.figures_of(WORDS, trial)
+    return cycle_measure.figures_of(WORDS, trial)
 
 
 def shown(trial: Repeated) -> Shown:
     """Which way the palm faces, and the amplitude of every turn."""
-    return repeated.shown_of(WORDS, trial)
+    return cycle_measure.shown_of(WORDS, trial)

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import ANGLES, JOINTS, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import ANGLES, JOINTS, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
-from handscope.estimators.measures.held import held, usable_in, window_of, within
-from handscope.estimators.measures.shown import NOTHING, Shown
-from handscope.estimators.options import option
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import NOTHING, Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import held, usable_in, window_of, within
 
 TITLE = "Range of motion"
 SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"

@@ -13,20 +13,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import FINGERS, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import reach_place
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds, worse
-from handscope.estimators.measures.held import within
+from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.reach_place import PlaceMeasure, Where
-from handscope.estimators.measures.shown import Curve, Shown
 from handscope.estimators.measures.signals import Even, even, turning
 from handscope.estimators.measures.smoothness import log_dimensionless_jerk, sparc
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
 from handscope.estimators.measures.trunk_displacement import height_told
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Reach"
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from handscope.estimators import quaternions as quat
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 from handscope.estimators.measures.figure import TRUSTED, USABLE, Figure, Grade, Kind, kinds, worse
 from handscope.estimators.measures.signals import even
 from handscope.estimators.measures.smoothness import movement_units
 from handscope.estimators.measures.trunk_displacement import TrunkParams, displacement
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
 DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, f
 
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import DOF_NAMES, JOINTS
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import DOF_NAMES, JOINTS
+from handscope.estimators.numerics.quaternions import Array
 
 CONFIDENCE = 0.95
 MDC = 1.96 * np.sqrt(2.0)  # of a difference of two measurements that is beyond 95 % of what chance gives

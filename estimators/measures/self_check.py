@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.contacts import SALCHOW, Contact, Touched, contacts_of, errors, touched
 from handscope.estimators.measures.figure import Figure, Kind, kinds
-from handscope.estimators.measures.held import within
-from handscope.estimators.measures.shown import Curve, Shown
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
 
 TITLE = "Accuracy self-check"
 UNTOLD = "the task does not say which points are how far apart"
 REACTION = (1.0, 0.5)  # s after a word to close, and before the next, that are not judged: ours
-HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/held.py)
+HELD = {  # Table 5; the bottoms of the block are ours (estimators/simulation/movements/static_hold.py)
     "p1": (Contact(("thumb", "bottom"), ("index", "bottom"), 0.030),),
     "p2": (Contact(("index", "left"), ("middle", "right"), 0.030),),
     "p3": (Contact(("thumb", "distal"), ("index", "distal"), 0.0),),

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.ndimage import label
 from scipy.signal import butter, sosfiltfilt
 
-from handscope.estimators import quaternions as quat
 from handscope.estimators.errors import InputError
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 LEAST = 16  # samples of a signal that can be filtered
 

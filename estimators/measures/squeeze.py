@@ -13,22 +13,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import find_peaks
 
-from handscope.estimators.force import exchange, frequency_response, holding, identification
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.force import frequency_response, grasp_phases, identification, load_exchange
 from handscope.estimators.force.contact import ContactParams
 from handscope.estimators.force.frequency_response import Conditions, Response
-from handscope.estimators.force.holding import UNREAD, UNSURE, Holding
+from handscope.estimators.force.grasp_phases import UNREAD, UNSURE, Holding
 from handscope.estimators.force.identification import Fit, Running
-from handscope.estimators.hand_anatomy import FINGER_JOINTS, JOINT, LIMITS
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, LIMITS
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds, worse
-from handscope.estimators.measures.held import within
 from handscope.estimators.measures.lift import KORTIER, NONE, running_curves, twist_curves
-from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import even
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import within
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Squeeze"
 NOISE = 0.1  # N
@@ -138,12 +138,12 @@ def measure(
 ) -> Squeeze:
     """Every grasp of the stretch in which something was squeezed."""
     part = within(trajectory, onset, end)
-    fingers = holding.measured(part)
+    fingers = grasp_phases.measured(part)
     if not fingers:
         return Squeeze(params, False, (), "poor", NONE)
     if "thumb" not in fingers or len(fingers) < 2:
         return Squeeze(params, False, (), "poor", "squeezing needs force sensors on the thumb and another finger")
-    held = holding.holdings(params, part, geometry)
+    held = grasp_phases.holdings(params, part, geometry)
     params = knowing(params, held[0]) if held else params
     further = any(_at_an_end(part, h) for h in held)
     params = replace(params, gain_sd=max(params.gain_sd, params.further)) if further else params
@@ -186,15 +186,15 @@ def _squeezed(params: Params, h: Holding) -> Squeezed | None:
     valleys = [int(a) + int(np.argmin(x[a:b])) for a, b in zip(top, top[1:])]
     edges = [0, *valleys, len(t) - 1]
     depths = np.array([max(p[edges[k]], p[edges[k + 1]]) - p[a] for k, a in enumerate(top)])
-    watts = exchange.power(x[:, None, None], -np.gradient(p, t)[:, None, None])
-    total = exchange.work(t, watts)
+    watts = load_exchange.power(x[:, None, None], -np.gradient(p, t)[:, None, None])
+    total = load_exchange.work(t, watts)
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     told = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     bends = bent(t[told], x[told], p[told])
     answer = frequency_response.response(t[told], x[told], -p[told])  # the push moves the pads towards each other
     fit, conditions, reasons = _identified(params, h, inside, answer, t[told], x[told], p[told])
     reasons += [BENT] if fit and bends > params.bent else []
-    untold = holding.untold_share(h, known)
+    untold = grasp_phases.untold_share(h, known)
     followed = running(params, t[told], x[told], p[told], untold, bends) if fit else None
     works = total[top] - total[np.array(edges[:-1])]
     return Squeezed(h, t, x, p, t[top], x[top], depths, works, fit, conditions, "; ".join(reasons), followed, untold, bends, answer)

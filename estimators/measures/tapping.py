@@ -13,19 +13,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
+from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_figures, cycles
-from handscope.estimators.measures.asked import UNKNOWN, Asked
 from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, grade_of, kinds
-from handscope.estimators.measures.shown import Curve, Shown
+from handscope.estimators.measures.plot_data import Curve, Shown
 from handscope.estimators.measures.signals import Even, even, turning
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.task_request import UNKNOWN, Asked
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 TITLE = "Finger tapping"
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one

@@ -6,13 +6,13 @@ Source  of the metacarpal, as the Pollexograph-metacarpal reads it (de Kraker 20
 Limits  zero is the palm's plane and the direction of the fingers (docs/conventions.md)
 """
 
-from handscope.estimators.hand_anatomy import DEVIATION, FLEXION, PRONATION
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures import held_angles
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import DEVIATION, FLEXION, PRONATION
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import sustained_angles
 from handscope.estimators.measures.figure import Kind, kinds
-from handscope.estimators.measures.held_angles import Angle, Params, Reached, figures, joint_angle, shown
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.sustained_angles import Angle, Params, Reached, figures, joint_angle, shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
 
 TITLE = "Thumb abduction"
 SOURCE = "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"
@@ -50,4 +50,4 @@ def measure(
     asked: Asked = UNKNOWN,
 ) -> list[Reached]:
     """Of the thumb, where it was measured."""
-    return held_angles.reached(params.hold, trajectory, onset, end, angles)
+    return sustained_angles.reached(params.hold, trajectory, onset, end, angles)

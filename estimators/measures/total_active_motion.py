@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from handscope.estimators.data.options import option
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.measures.asked import UNKNOWN, Asked, words_of
+from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
-from handscope.estimators.measures.held import graded, held, usable_in, window_of, within
-from handscope.estimators.measures.shown import NOTHING, Shown
-from handscope.estimators.options import option
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.measures.plot_data import NOTHING, Shown
+from handscope.estimators.measures.task_request import UNKNOWN, Asked, words_of
+from handscope.estimators.measures.time_window import graded, held, usable_in, window_of, within
 
 TITLE = "Total active motion"
 DEG = np.pi / 180

@@ -9,20 +9,20 @@ Limits  a sensor that sits askew or a field that is not homogeneous becomes an e
 from dataclasses import dataclass
 from typing import ClassVar
 
-from handscope.estimators import salchow
-from handscope.estimators.options import option
-from handscope.estimators.salchow import State as State
-from handscope.estimators.salchow import finish as finish
-from handscope.estimators.salchow import release as release
-from handscope.estimators.salchow import start as start
-from handscope.estimators.salchow import step as step
+from handscope.estimators.data.options import option
+from handscope.estimators.methods import fusion_pipeline
+from handscope.estimators.methods.fusion_pipeline import State as State
+from handscope.estimators.methods.fusion_pipeline import finish as finish
+from handscope.estimators.methods.fusion_pipeline import release as release
+from handscope.estimators.methods.fusion_pipeline import start as start
+from handscope.estimators.methods.fusion_pipeline import step as step
 
 TITLE = "baseline: magnetometers, no pose, no constraints (Salchow-Hoemmen 2019; Valtin 2017)"
 NEEDS_POSE = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(salchow.Params):
+class Params(fusion_pipeline.Params):
     MAGNETOMETER: ClassVar[bool] = True
     constraints: bool = option(
         False,

@@ -14,32 +14,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators import (
-    ekf_alignment,
-    ekf_deviations,
-    finger_ekf,
-    functional_steps,
-    hand_pose,
-    joint_angles,
-    length_errors,
-    magnetometers,
-    sensor_fusion,
-    time_base,
-)
-from handscope.estimators import quaternions as quat
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.compiled import rowwise, told_by_row
-from handscope.estimators.ekf_alignment import SENSORS
-from handscope.estimators.ekf_deviations import JOINTS_OF
-from handscope.estimators.ekf_seats import Seats
-from handscope.estimators.finger_ekf import FilterParams
-from handscope.estimators.forward_kinematics import CHAIN_SEGMENTS
-from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
-from handscope.estimators.hand_pose import Pose
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, Block, Stream
-from handscope.estimators.trajectory import Flag, Trajectory, empty, join
+from handscope.estimators.alignment import functional_movements
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
+from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
+from handscope.estimators.finger_ekf import filter as finger_ekf_filter
+from handscope.estimators.finger_ekf import output_covariance, sample_alignment
+from handscope.estimators.finger_ekf.filter import FilterParams
+from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
+from handscope.estimators.finger_ekf.sample_alignment import SENSORS
+from handscope.estimators.finger_ekf.sensor_to_segment import Seats
+from handscope.estimators.hand import joint_angles, length_covariance
+from handscope.estimators.hand import pose as hand_pose
+from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
+from handscope.estimators.hand.pose import Pose
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.jit import rowwise, told_by_row
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.orientation import fusion as orientation_fusion
+from handscope.estimators.orientation import resampling
+from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = "error-state Kalman filter a finger, one initial pose, standard deviations (Kortier 2018, ch. 2)"
 NEEDS_POSE = True
@@ -47,7 +43,7 @@ LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(FilterParams, sensor_fusion.FusionParams, functional_steps.FunctionalParams):
+class Params(FilterParams, orientation_fusion.FusionParams, functional_movements.FunctionalParams):
     constraints: bool = option(
         True,
         "",
@@ -78,13 +74,13 @@ class State:
 
     calibration: Calibration
     q_SB: Array  # (segments, 4) segment-to-sensor rotations
-    sensors: Mapping[str, sensor_fusion.StreamState]  # by stream
-    rows: time_base.State
-    raw: ekf_alignment.State  # samples that wait for their rows
-    chains: finger_ekf.State
+    sensors: Mapping[str, orientation_fusion.StreamState]  # by stream
+    rows: resampling.State
+    raw: sample_alignment.State  # samples that wait for their rows
+    chains: finger_ekf_filter.State
     sure: Sure
     of_lengths: Array  # (5, 6, 6) how the lengths err: length_errors.py
-    magnetic: magnetometers.State | None = None  # None: magnetometers are not asked for
+    magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
 
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
@@ -94,18 +90,18 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
     inertial = [s for s in streams if s.inertial]
     sensors = {s.name: _fused(calibration, _inertial(s) if params.magnetometers else s) for s in inertial}
-    magnetic, apart_sd = (magnetometers.start(streams), math.sqrt(2) * params.mag_error) if params.magnetometers else (None, 0.0)
-    chains = finger_ekf.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd)
+    magnetic, apart_sd = (magnetometer_resampling.start(streams), math.sqrt(2) * params.mag_error) if params.magnetometers else (None, 0.0)
+    chains = finger_ekf_filter.start(_bias_sd(params, calibration)[SENSORS], _seats(params, calibration), apart_sd=apart_sd)
     sure = Sure(np.full((len(JOINTS), 3), np.nan), np.full((len(FINGERS), 3), np.nan), np.zeros(len(SEGMENTS), bool))
     return State(
         calibration,
         q_SB,
         sensors,
-        time_base.start(inertial),
-        ekf_alignment.start(calibration, math.radians(params.gyr_noise)),
+        resampling.start(inertial),
+        sample_alignment.start(calibration, math.radians(params.gyr_noise)),
         chains,
         sure,
-        length_errors.covariance(calibration.geometry, params.length_sd),
+        length_covariance.covariance(calibration.geometry, params.length_sd),
         magnetic,
     )
 
@@ -138,22 +134,24 @@ def _askew(params: Params, calibration: Calibration) -> float:
     return max(float(np.radians(params.misalignment)), float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0)
 
 
-def _fused(calibration: Calibration, stream: Stream) -> sensor_fusion.StreamState:
-    return sensor_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, rate=calibration.rates.get(stream.name))
+def _fused(calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
+    return orientation_fusion.start(
+        stream, calibration.q_GS, calibration.gyr_bias, calibration.end, rate=calibration.rates.get(stream.name)
+    )
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
     if state.magnetic is None:
         return _fuse(params, state, [block] if block.stream.inertial else [])
-    magnetic, blocks = magnetometers.step(state.magnetic, block)
+    magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
     return _fuse(params, replace(state, magnetic=magnetic), blocks)
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
     """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
     state, pieces = _without_waiting(params, state, patience)
-    rows, given = time_base.release(state.rows, patience)
+    rows, given = resampling.release(state.rows, patience)
     state, piece = _hand(params, replace(state, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
 
@@ -161,7 +159,7 @@ def release(params: Params, state: State, patience: float) -> tuple[State, Traje
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     state, pieces = _without_waiting(params, state, -np.inf)
-    sensors, rows, given = time_base.drained(params, state.sensors, state.rows)
+    sensors, rows, given = resampling.drained(params, state.sensors, state.rows)
     state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
 
@@ -170,7 +168,7 @@ def _without_waiting(params: Params, state: State, patience: float) -> tuple[Sta
     """Inertial samples that wait for magnetometers go on without them."""
     if state.magnetic is None:
         return state, []
-    magnetic, blocks = magnetometers.release(state.magnetic, patience)
+    magnetic, blocks = magnetometer_resampling.release(state.magnetic, patience)
     state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
     return state, [piece]
 
@@ -183,9 +181,9 @@ def _fuse(params: Params, state: State, blocks: Sequence[Block]) -> tuple[State,
         fusion = state.sensors.get(block.stream.name)
         if fusion is None or fusion.stream != inertial.stream:  # plugged in later, or with another rate or other sensors than before
             fusion = _fused(state.calibration, inertial.stream)
-        fusion, oriented = sensor_fusion.step(params, fusion, inertial)
-        rows, given = time_base.step(state.rows, inertial.stream, oriented)
-        raw = ekf_alignment.taken(state.raw, block, state.calibration, state.q_SB)
+        fusion, oriented = orientation_fusion.step(params, fusion, inertial)
+        rows, given = resampling.step(state.rows, inertial.stream, oriented)
+        raw = sample_alignment.taken(state.raw, block, state.calibration, state.q_SB)
         sensors = {**state.sensors, block.stream.name: fusion}
         state, piece = _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
         pieces.append(piece)
@@ -197,13 +195,15 @@ def _inertial(stream: Stream) -> Stream:
     return replace(stream, quantities=(GYR, ACC))
 
 
-def _hand(params: Params, state: State, rows: time_base.Rows) -> tuple[State, Trajectory]:
+def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, Trajectory]:
     """Pose of the hand: its orientation from the fusion, wrist and fingers from their filters."""
     if not len(rows.t):
         return state, empty(state.calibration.hand)
     q_GB = quat.multiply(rows.q_GS, state.q_SB)
-    raw, samples = ekf_alignment.aligned(state.raw, rows, q_GB, params.gyr_reading == "instant", params.vertical == "fused", params.max_gap)
-    chains, found = finger_ekf.step(params, state.chains, samples)
+    raw, samples = sample_alignment.aligned(
+        state.raw, rows, q_GB, params.gyr_reading == "instant", params.vertical == "fused", params.max_gap
+    )
+    chains, found = finger_ekf_filter.step(params, state.chains, samples)
     q_pc = _by_joint(JOINTS_OF, found.q_joint, samples.known, np.zeros(len(JOINTS)))
     pose = hand_pose.posed(q_pc, q_GB, state.calibration.geometry, params.constraints)
     sure = _sure(params, state, found, pose)
@@ -235,13 +235,13 @@ def _by_joint(joints: Array, q_chains: Array, known: Array, row: Array, q_pc: Ar
                 q_pc[int(joints[c, k]), a] = q_chains[c, k, a]
 
 
-def _sure(params: Params, state: State, found: finger_ekf.Estimate, pose: Pose) -> Sure:
+def _sure(params: Params, state: State, found: finger_ekf_filter.Estimate, pose: Pose) -> Sure:
     """Standard deviations and lost headings from each covariance on, (u + 1, ...): the first as the step before left them."""
     before = Sure(state.sure.angles_sd[None], state.sure.tips_sd[None], state.sure.lost[None])
     if not len(found.told):
         return before
     angles, q_pc = pose.angles[found.told], pose.q_pc[found.told]
-    angles_sd, tips_sd, largest = ekf_deviations.of_hand(angles, q_pc, found.P, state.calibration.geometry, state.of_lengths)
+    angles_sd, tips_sd, largest = output_covariance.of_hand(angles, q_pc, found.P, state.calibration.geometry, state.of_lengths)
     return Sure(
         np.concatenate([before.angles_sd, joint_angles.only_freedoms(angles_sd)]),
         np.concatenate([before.tips_sd, tips_sd]),

@@ -9,17 +9,17 @@ Limits  as good as the magnetic field is homogeneous: near steel or devices the 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from handscope.estimators import salchow
-from handscope.estimators.salchow import State as State
-from handscope.estimators.salchow import finish as finish
-from handscope.estimators.salchow import release as release
-from handscope.estimators.salchow import start as start
-from handscope.estimators.salchow import step as step
+from handscope.estimators.methods import fusion_pipeline
+from handscope.estimators.methods.fusion_pipeline import State as State
+from handscope.estimators.methods.fusion_pipeline import finish as finish
+from handscope.estimators.methods.fusion_pipeline import release as release
+from handscope.estimators.methods.fusion_pipeline import start as start
+from handscope.estimators.methods.fusion_pipeline import step as step
 
 TITLE = "magnetometers for the headings, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
 NEEDS_POSE = True
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(salchow.Params):
+class Params(fusion_pipeline.Params):
     MAGNETOMETER: ClassVar[bool] = True

@@ -6,12 +6,12 @@ Source  Salchow-Hoemmen 2019, 2.4, method M2: (18), (19)-(22), (23)-(27)
 Limits  headings drift with what is left of the gyroscopes' biases; joint constraints hide, not heal, an error within the permitted range
 """
 
-from handscope.estimators.salchow import Params as Params
-from handscope.estimators.salchow import State as State
-from handscope.estimators.salchow import finish as finish
-from handscope.estimators.salchow import release as release
-from handscope.estimators.salchow import start as start
-from handscope.estimators.salchow import step as step
+from handscope.estimators.methods.fusion_pipeline import Params as Params
+from handscope.estimators.methods.fusion_pipeline import State as State
+from handscope.estimators.methods.fusion_pipeline import finish as finish
+from handscope.estimators.methods.fusion_pipeline import release as release
+from handscope.estimators.methods.fusion_pipeline import start as start
+from handscope.estimators.methods.fusion_pipeline import step as step
 
 TITLE = "magnetometer-free, one initial pose, joint constraints (Salchow-Hoemmen 2019)"
 NEEDS_POSE = True

@@ -12,12 +12,16 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from handscope.estimators import forward_kinematics, initial_pose, joint_angles, length_errors, salchow, side_by_side, trajectory
-from handscope.estimators import quaternions as quat
-from handscope.estimators.calibration import Calibration
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.findings import whole_streams
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.finding import whole_streams
-from handscope.estimators.hand_anatomy import (
+from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
+from handscope.estimators.hand.anatomy import (
     CHAINS,
     CHILDREN,
     DEVIATION,
@@ -30,26 +34,16 @@ from handscope.estimators.hand_anatomy import (
     SEGMENTS,
     side_sign,
 )
-from handscope.estimators.hand_geometry import HandGeometry, root_joint, with_found
-from handscope.estimators.methods import m2
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.run import run
-from handscope.estimators.samples import Block, Recording
-from handscope.estimators.self_calibration import (
-    certainty,
-    findings,
-    first_guess,
-    hand_solver,
-    normal_equations,
-    posterior,
-    recordings,
-    segments,
-    solver,
-    words,
-)
-from handscope.estimators.self_calibration.certainty import DRAWS
-from handscope.estimators.self_calibration.findings import Asked, Finger
+from handscope.estimators.hand.geometry import HandGeometry, root_joint, with_found
+from handscope.estimators.methods import fusion_pipeline, m2
+from handscope.estimators.numerics import parallel
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.run import run
+from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
+from handscope.estimators.self_calibration import messages as self_calibration_messages
+from handscope.estimators.self_calibration import normal_equations, sample_preparation, segments, solver
+from handscope.estimators.self_calibration import result as self_calibration_result
 from handscope.estimators.self_calibration.problem import (
     LIMBS,
     Chain,
@@ -63,8 +57,11 @@ from handscope.estimators.self_calibration.problem import (
     mounted,
     posed,
 )
+from handscope.estimators.self_calibration.result import Asked, Finger
 from handscope.estimators.self_calibration.solver import Limits, Solution
-from handscope.estimators.trajectory import Flag, Trajectory
+from handscope.estimators.self_calibration.uncertainty import monte_carlo, posterior
+from handscope.estimators.self_calibration.uncertainty.monte_carlo import DRAWS
+from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 
 TITLE = "self-calibration from free movement, no pose, no magnetometer (Kortier 2018, ch. 4)"
 NEEDS_POSE = False
@@ -81,7 +78,7 @@ UNKNOWN_TIP = 0.05  # m, the same of a fingertip, which moves about over a decim
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(salchow.Params, Noise, Asked):
+class Params(fusion_pipeline.Params, Noise, Asked):
     longest: float = option(
         60.0, "s", "longest stretch that is calibrated from: the one with most movement", "ours: the thesis' 40 s and some more", least=5.0
     )
@@ -117,14 +114,14 @@ def solve(
     problems: list[str] = []
     for name in (name for name, links in LIMBS.items() if links[0] in worn):
         try:
-            links, silent = recordings.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
-            said += words.silence(name, silent, any(recordings.clipped(blocks, s, start, stop) for s in silent[:1]))
-            limbs.append(_Limb(name, links, *recordings.readings(blocks, links.sensors, start, stop)))
+            links, silent = sample_preparation.speaking(blocks, chain([s for s in ("hand", *LIMBS[name]) if s in worn]), start, stop)
+            said += self_calibration_messages.silence(
+                name, silent, any(sample_preparation.clipped(blocks, s, start, stop) for s in silent[:1])
+            )
+            limbs.append(_Limb(name, links, *sample_preparation.readings(blocks, links.sensors, start, stop)))
         except InputError as problem:
             problems.append(str(problem))
-    alone = side_by_side.finished(
-        lambda limb, done: _calibrated(params, recording, limb, done), limbs, lambda share: progress(SHARE * share)
-    )
+    alone = parallel.finished(lambda limb, done: _calibrated(params, recording, limb, done), limbs, lambda share: progress(SHARE * share))
     problems += dict.fromkeys(str(problem) for problem in alone if isinstance(problem, InputError))
     fingers = [finger for finger in alone if isinstance(finger, Finger)]
     if not any(f.name in CHAINS for f in fingers):
@@ -132,7 +129,12 @@ def solve(
             problems[0] if problems else "no finger has a sensor on its first phalanx; self-calibration needs hand and phalanges"
         )
     fingers, of_hand = _together(params, recording, fingers, progress)
-    said += [*problems, *of_hand, *words.knocked(fingers), *(word for finger in fingers for word in words.told(params, finger))]
+    said += [
+        *problems,
+        *of_hand,
+        *self_calibration_messages.knocked(fingers),
+        *(word for finger in fingers for word in self_calibration_messages.told(params, finger)),
+    ]
     calibration = _joined(params, recording, fingers, worn)
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     moved = _with_deviations(params, _with_found(tracked, calibration.geometry, fingers), fingers)
@@ -146,12 +148,12 @@ def _stretch(params: Params, recording: Recording, blocks: Sequence[Block]) -> t
     if told:
         longest = max(told, key=lambda e: e.duration)
         start, stop = max(start, longest.onset), min(stop, longest.end)
-    words.require_length(params, stop - start)
-    whole, holes = stop - start, recordings.holes(blocks, start, stop)
-    start, stop = recordings.gapless(blocks, start, stop)
-    words.require_samples(params, stop - start, holes)
-    start, stop = recordings.liveliest(blocks, start, stop, params.longest)
-    return start, stop, words.used(start, stop, whole)
+    self_calibration_messages.require_length(params, stop - start)
+    whole, holes = stop - start, sample_preparation.holes(blocks, start, stop)
+    start, stop = sample_preparation.gapless(blocks, start, stop)
+    self_calibration_messages.require_samples(params, stop - start, holes)
+    start, stop = sample_preparation.liveliest(blocks, start, stop, params.longest)
+    return start, stop, self_calibration_messages.used(start, stop, whole)
 
 
 @dataclass(frozen=True)
@@ -167,8 +169,8 @@ class _Limb:
 def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]) -> Finger:
     noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
     links, t, read = limb.links, limb.t, limb.read
-    words.require_movement(params, limb.name, read)
-    guess = first_guess.unknowns(links, noise, read, mounted(links, recording.mounting, Z))
+    self_calibration_messages.require_movement(params, limb.name, read)
+    guess = self_calibration_initialisation.unknowns(links, noise, read, mounted(links, recording.mounting, Z))
     problem = measured(posed(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting), recording.geometry.lengths)
     found = solver.learnt(
         problem,
@@ -176,9 +178,9 @@ def _calibrated(params: Params, recording: Recording, limb: _Limb, progress: Cal
         Limits(),
         lambda k, cost: _heard(progress, min(0.9, k / 25)),
     )
-    words.require_one_minimum(params, limb.name, read, found, float(t[0]))
+    self_calibration_messages.require_one_minimum(params, limb.name, read, found, float(t[0]))
     described = _described(params, recording, limb.name, t, found, posterior.draws(found.problem, found.at, found.factor, DRAWS))
-    words.require_possible(described)
+    self_calibration_messages.require_possible(described)
     return replace(described, solution=replace(found, factor=normal_equations.remembered(found.factor.covariance)))
 
 
@@ -190,7 +192,7 @@ def _together(
     *moving, law = _softness(params, alone)
     turn, slide = (max(params.hand_skin * softness, RIGID) for softness in moving)
     try:
-        found = hand_solver.solve(
+        found = whole_hand_solver.solve(
             [f.solution for f in alone],
             replace(noise, skin_turn=turn * noise.skin_turn, skin_slide=slide * noise.skin_slide, skin_law=law * noise.skin_law),
             TOGETHER,
@@ -202,11 +204,11 @@ def _together(
         return alone, [ALONE, str(late)]
     if found.outcome != "converged":
         return alone, [ALONE]
-    drawn = zip(*hand_solver.draws(found, DRAWS))
+    drawn = zip(*whole_hand_solver.draws(found, DRAWS))
     return [
         _described(params, recording, f.name, f.t, replace(limb, jolts=f.solution.jolts), draws)
-        for f, limb, draws in zip(alone, hand_solver.of_limbs(found), drawn)
-    ], [word for f, misfit in zip(alone, hand_solver.misfits(found)) for word in words.not_assumed(f, *misfit)]
+        for f, limb, draws in zip(alone, whole_hand_solver.of_limbs(found), drawn)
+    ], [word for f, misfit in zip(alone, whole_hand_solver.misfits(found)) for word in self_calibration_messages.not_assumed(f, *misfit)]
 
 
 def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
@@ -226,7 +228,7 @@ def _softness(params: Params, alone: Sequence[Finger]) -> tuple[float, float, fl
 def _described(params: Params, recording: Recording, finger: str, t: Array, found: Solution, draws: Iterable[Unknowns]) -> Finger:
     """What a solution says of a finger."""
     told = segments.of_solution(found, recording.hand, recording.mounting)
-    sure = certainty.of_finger(
+    sure = monte_carlo.of_finger(
         found,
         draws,
         recording.hand,
@@ -273,7 +275,7 @@ def _joined(params: Params, recording: Recording, fingers: Sequence[Finger], wor
         p_BS_sd=_first_of(nearest, lambda f: _placed(params, f, _places_sd(params, f, geometry))),
         gyr_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_gyr)),
         acc_bias_sd=_first_of(fingers, lambda f: _bias_sd(f, columns(f.solution.problem.chain).bias_acc)),
-        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if findings.known(params, f, s)},
+        lengths_sd={s: sd for f in fingers for s, sd in f.segments.lengths_sd.items() if self_calibration_result.known(params, f, s)},
     )
 
 
@@ -289,7 +291,7 @@ def _bias_sd(finger: Finger, where: slice) -> dict[str, Array]:
 
 def _placed(params: Params, finger: Finger, known: Mapping[str, Array]) -> dict[str, Array]:
     """Of the sensors whose places movement told."""
-    return {s: value for s, value in known.items() if findings.placed(params, finger, s)}
+    return {s: value for s, value in known.items() if self_calibration_result.placed(params, finger, s)}
 
 
 def _places(finger: Finger, geometry: HandGeometry) -> dict[str, Array]:
@@ -322,7 +324,7 @@ def _places_sd(params: Params, finger: Finger, geometry: HandGeometry) -> dict[s
 def _resized(params: Params, geometry: HandGeometry, fingers: Sequence[Finger]) -> HandGeometry:
     """With the lengths that movement told."""
     for finger in fingers:
-        known = {s: v for s, v in finger.segments.lengths.items() if findings.known(params, finger, s)}
+        known = {s: v for s, v in finger.segments.lengths.items() if self_calibration_result.known(params, finger, s)}
         geometry = with_found(geometry, finger.name, known)
     return geometry
 
@@ -380,7 +382,7 @@ def _over_the_wrist(params: Params, moved: Trajectory, geometry: HandGeometry) -
         here, there = (forward_kinematics.tips(joint_angles.compose(a), geometry) for a in (angles, turned))
         tips = np.hypot(tips, np.nan_to_num(there - here))  # an unknown wrist counts as neutral
     turn = quat.matrix(joint_angles.compose(np.nan_to_num(angles[:, JOINT["wrist"]])))
-    of_roots = length_errors.covariance(geometry, params.length_guess)[:, :3, :3]
+    of_roots = length_covariance.covariance(geometry, params.length_guess)[:, :3, :3]
     return replace(moved, tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn))))
 
 

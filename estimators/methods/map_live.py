@@ -2,7 +2,7 @@
 
 In      inertial blocks of the hand and of fingers of which at least the first phalanx has a sensor, a Calibration from the initial pose
 Out     Trajectory, `lag` and up to 0.2 s behind the newest sample: fingers as their windows have them, all else as `ekf` has it, with standard deviations
-Source  Kortier, thesis ch. 4, and its outlook (fixed lag); estimators/self_calibration/sliding_window.py
+Source  Kortier, thesis ch. 4, and its outlook (fixed lag); estimators/self_calibration/sliding_window/estimator.py
 Limits  fingers one by one; a finger of which a sensor was silent for long, or whose readings fit no hand, is as `ekf` has it until a window has begun
         again. How it does beside `ekf`: docs/decisions/0007-map-live.md
 """
@@ -11,19 +11,21 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from handscope.estimators import hand_pose, trajectory
-from handscope.estimators import quaternions as quat
-from handscope.estimators.calibration import Calibration
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINT, SEGMENT
-from handscope.estimators.hand_geometry import with_found
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand import pose as hand_pose
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import with_found
 from handscope.estimators.methods import ekf
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block, Stream
-from handscope.estimators.self_calibration import live_readings, window_fingers
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.self_calibration.problem import Noise
-from handscope.estimators.self_calibration.window_fingers import Finger, Setting
-from handscope.estimators.trajectory import Flag, Trajectory
+from handscope.estimators.self_calibration.sliding_window import limb as sliding_window_limb
+from handscope.estimators.self_calibration.sliding_window import streaming_samples
+from handscope.estimators.self_calibration.sliding_window.limb import Finger, Setting
 
 TITLE = "experiment, not for patients: self-calibration in a sliding window, one initial pose (Kortier 2018, ch. 4)"
 NEEDS_POSE = True
@@ -60,7 +62,7 @@ class State:
     filter: ekf.State
     rows: Trajectory  # as ekf has them, not given out yet
     reached: float  # s, its newest row
-    readings: live_readings.State
+    readings: streaming_samples.State
     fingers: tuple[Finger, ...]
 
 
@@ -68,16 +70,16 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     """Begin at the calibration's moment."""
     begun = ekf.start(params, calibration, streams)
     worn = {name for s in streams if s.inertial for name in s.sensors}
-    fingers = [window_fingers.of_worn(f, worn) for f in FINGERS]
+    fingers = [sliding_window_limb.of_worn(f, worn) for f in FINGERS]
     reference = next(s for s in streams if s.name == begun.rows.reference)
     rows = trajectory.empty(calibration.hand)
-    return State(begun, rows, -np.inf, live_readings.start(reference), tuple(f for f in fingers if f is not None))
+    return State(begun, rows, -np.inf, streaming_samples.start(reference), tuple(f for f in fingers if f is not None))
 
 
 def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
     """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
     after, rows = ekf.step(params, state.filter, block)
-    return _advanced(params, replace(state, filter=after, readings=live_readings.taken(state.readings, block)), rows)
+    return _advanced(params, replace(state, filter=after, readings=streaming_samples.taken(state.readings, block)), rows)
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
@@ -90,7 +92,7 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     after, rows = ekf.finish(params, state.filter)
     state, given = _advanced(params, replace(state, filter=after), rows)
-    left = live_readings.ready(state.readings, state.reached)
+    left = streaming_samples.ready(state.readings, state.reached)
     if left >= LEAST:
         state = _nodes(params, state, left)
     last = _given_out(params, state, state.rows)
@@ -104,7 +106,7 @@ def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Tr
         return state, rows
     if len(rows):
         state = replace(state, rows=trajectory.join([state.rows, rows], hand), reached=float(rows.t[-1]))
-    while live_readings.ready((state := _resumed(state)).readings, state.reached) >= NODES:
+    while streaming_samples.ready((state := _resumed(state)).readings, state.reached) >= NODES:
         state = _nodes(params, state, NODES)
         newest = state.readings.taken - 2
         known = float(state.readings.instants(newest, newest + 1)[0]) - params.lag
@@ -115,15 +117,15 @@ def _advanced(params: Params, state: State, rows: Trajectory) -> tuple[State, Tr
 
 def _resumed(state: State) -> State:
     """Where nothing came for long, windows begin again behind it."""
-    readings = live_readings.resumed(state.readings, float(state.rows.t[0])) if len(state.rows) else state.readings
+    readings = streaming_samples.resumed(state.readings, float(state.rows.t[0])) if len(state.rows) else state.readings
     if readings is state.readings:
         return state
-    return replace(state, readings=readings, fingers=tuple(window_fingers.given_up(f) for f in state.fingers))
+    return replace(state, readings=readings, fingers=tuple(sliding_window_limb.given_up(f) for f in state.fingers))
 
 
 def _nodes(params: Params, state: State, count: int) -> State:
     """All fingers with so many nodes more."""
-    readings, nodes = live_readings.given(state.readings, count, params.max_gap)
+    readings, nodes = streaming_samples.given(state.readings, count, params.max_gap)
     dt = readings.period * readings.each
     calibration, lag = state.filter.calibration, round(params.lag / dt)
     setting = Setting(
@@ -138,7 +140,7 @@ def _nodes(params: Params, state: State, count: int) -> State:
     q_GS = quat.multiply(state.rows.q_GS[k], quat.conjugate(state.filter.q_SB))
     lost = (state.rows.flags[k] & np.uint8(Flag.HEADING_LOST)) > 0
     sd = np.asarray(np.where(lost, LOST_SD, np.radians(params.mounting)), float)
-    fingers = tuple(window_fingers.stepped(setting, f, nodes, q_GS, sd) for f in state.fingers)
+    fingers = tuple(sliding_window_limb.stepped(setting, f, nodes, q_GS, sd) for f in state.fingers)
     return replace(state, readings=readings, fingers=fingers)
 
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import CHAINS, JOINTS, Hand, side_sign
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.self_calibration.skin import followed
+from handscope.estimators.data.options import option
+from handscope.estimators.hand.anatomy import CHAINS, JOINTS, Hand, side_sign
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration.soft_tissue import followed
 
 Indices = NDArray[np.intp]
 THESIS = "Kortier, thesis 4.5.1"

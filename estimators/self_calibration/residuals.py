@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.quaternions import Array
-from handscope.estimators.self_calibration import skin
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import soft_tissue
 from handscope.estimators.self_calibration.problem import Chain, Columns, Indices, Problem, Unknowns, bending, columns, tangents
-from handscope.estimators.self_calibration.skin import Skin, right_jacobian
+from handscope.estimators.self_calibration.soft_tissue import Skin, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 NUMEROV = np.array([1.0, 10.0, 1.0]) / 12  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
@@ -85,7 +85,7 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     pulled, pull = [_skin(problem, at, s, samples) for s in range(S)], _by_pull(problem, at, samples)
     for k in range(J):
         for sign, s, still, place in ((1.0, chain.children[k], at.near[k], 3 * J + 3 * k), (-1.0, chain.parents[k], at.far[k], 3 * k)):
-            swinging = R[:, s] @ quat.skew(skin.seen(pulled[s], still))
+            swinging = R[:, s] @ quat.skew(soft_tissue.seen(pulled[s], still))
             for knot in range(3):
                 three = slice(knot, knot + T)
                 by[:, k, :, knot, s] = -sign * (swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s])
@@ -95,10 +95,10 @@ def meeting(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = sign * scaled[:, s]
             for m in np.flatnonzero(chain.children == s):
                 bent = pulled[s].bent[..., None]
-                by_turn = over_three(swing, R[:, s] @ (bent * skin.by_turn(pulled[s], still)))
+                by_turn = over_three(swing, R[:, s] @ (bent * soft_tissue.by_turn(pulled[s], still)))
                 by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
                 by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * over_three(swing, bent * carried)
-                by_bent = skin.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
+                by_bent = soft_tissue.by_bending(pulled[s], at.skin_turn[m], at.skin_slide[m], still)
                 by_pull = sign * over_three(swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None]))  # by tilt and law
                 by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = by_pull[..., :2]
                 by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
@@ -118,7 +118,7 @@ def met(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
     pulled = [_skin(problem, at, s, samples) for s in range(len(chain.sensors))]
     for k in range(len(chain.joints)):
         for sign, s, still in ((1.0, chain.children[k], at.near[k]), (-1.0, chain.parents[k], at.far[k])):
-            arm = np.einsum("tij,tj->ti", R[:, s], skin.seen(pulled[s], still))
+            arm = np.einsum("tij,tj->ti", R[:, s], soft_tissue.seen(pulled[s], still))
             force = np.einsum("tij,tj->ti", R[:, s], f[:, s])
             e[:, k] += sign * (over_three(SECOND_DIFFERENCE / problem.dt**2, arm) + over_three(NUMEROV, force))
     white = whitening(problem, start, stop) @ e
@@ -138,12 +138,14 @@ def common_scale(at: Unknowns) -> float:
 def _skin(problem: Problem, at: Unknowns, s: int, samples: Indices) -> Skin:
     """Of a sensor at samples (...), pulled by the joint before its segment, if one is."""
     before = problem.chain.children == s
-    return skin.pulled(skin.followed(bending(problem, at, samples), at.law)[..., before], at.skin_turn[before], at.skin_slide[before])
+    return soft_tissue.pulled(
+        soft_tissue.followed(bending(problem, at, samples), at.law)[..., before], at.skin_turn[before], at.skin_slide[before]
+    )
 
 
 def _by_pull(problem: Problem, at: Unknowns, samples: Indices) -> Array:
     """How far skin follows each joint at samples (...), derivatives (..., J, 3) by the joint's tilt (2) and its law."""
-    by_bending, law = skin.by_law(bending(problem, at, samples), at.law)
+    by_bending, law = soft_tissue.by_law(bending(problem, at, samples), at.law)
     return np.concatenate([by_bending[..., None] * problem.by_tilt[samples], law[..., None]], axis=-1)
 
 
@@ -171,14 +173,14 @@ def hinging(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
             (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
         ):
             pulled = replace(_skin(problem, at, int(s), samples), slide=np.zeros((T, 3)))  # a direction is the same everywhere
-            axis = skin.seen(pulled, still)
+            axis = soft_tissue.seen(pulled, still)
             r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
             by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
             by_parameters[:, h, :, own : own + 2] = sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
             for m in np.flatnonzero(chain.children == s):
-                by_turn, place = skin.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
+                by_turn, place = soft_tissue.by_turn(pulled, still), 4 * H + 3 * J + 2 * m
                 by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = sign * pulled.bent[..., None] * R[:, s] @ by_turn
-                by_bent = sign * R[:, s] @ skin.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
+                by_bent = sign * R[:, s] @ soft_tissue.by_bending(pulled, at.skin_turn[m], np.zeros(3), still)[..., None]
                 by_parameters[:, h, :, place : place + 2] = by_bent * pull[:, m, None, :2]
                 by_parameters[:, h, :, 4 * H + 5 * J + m] = by_bent[..., 0] * pull[:, m, 2:]
     cols = _cols(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)

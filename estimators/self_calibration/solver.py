@@ -11,11 +11,12 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from handscope.estimators.quaternions import Array
-from handscope.estimators.self_calibration import covariance, knocks, normal_equations, posterior, residuals
-from handscope.estimators.self_calibration.knocks import Jolt
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, outliers, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.outliers import Jolt
 from handscope.estimators.self_calibration.problem import Problem, Unknowns, bent, columns, moved, resized
+from handscope.estimators.self_calibration.uncertainty import parameter_covariance, posterior
 
 CHUNK = 512  # samples whose derivatives are in memory at once
 AROUND, CIRCLE = 4, 1.0  # steps; half a sum of squares, far below what a standard deviation of one parameter is
@@ -132,16 +133,16 @@ def learnt(
     """
     rough = replace(limits, least_gain=limits.rough_gain)
     base = problem
-    strange = knocks.looked(knocks.none(len(base)), posterior.strange(base, start), knocks.GROSS, base.dt)
+    strange = outliers.looked(outliers.none(len(base)), posterior.strange(base, start), outliers.GROSS, base.dt)
     lawful = replace(base.noise, skin_law=posterior.LEAST_LAW)
-    begun = replace(resized(base, lawful, strange.doubt), turn_sd=base.turn_sd * np.where(strange.knocked, knocks.OPENED, 1.0)[:, None])
+    begun = replace(resized(base, lawful, strange.doubt), turn_sd=base.turn_sd * np.where(strange.knocked, outliers.OPENED, 1.0)[:, None])
     found, steps = _settled(solve(begun, start, rough, go_on)), 0
     for left in range(limits.rounds - 2, -1, -1):
         if found.outcome != "converged":
             break
         steps += len(found.costs) - 1
-        strange = knocks.looked(strange, posterior.strange(found.problem, found.at), limits.knock, base.dt)
-        turns = base.turn_sd * knocks.turn_doubt(strange, base, found.at, limits.knock)
+        strange = outliers.looked(strange, posterior.strange(found.problem, found.at), limits.knock, base.dt)
+        turns = base.turn_sd * outliers.turn_doubt(strange, base, found.at, limits.knock)
         less = resized(found.problem, found.problem.noise, strange.doubt)
         told = replace(less, turn_sd=turns, seat_sd=base.seat_sd, length_sd=base.length_sd)
         doubted = doubting(told, found.at)
@@ -152,12 +153,12 @@ def learnt(
             solve(resized(doubted, noise), found.at, rough if left else limits, lambda k, c, before=steps: go_on(before + k, c))  # type: ignore[misc]
         )
     off = posterior.strange(resized(base, found.problem.noise), found.at)
-    made_up = covariance.apparent(found.problem, found.at, found.factor)
+    made_up = parameter_covariance.apparent(found.problem, found.at, found.factor)
     return replace(
         found,
-        factor=covariance.honest(found.problem, found.at, found.factor, made_up),
+        factor=parameter_covariance.honest(found.problem, found.at, found.factor, made_up),
         made_up=made_up,
-        jolts=knocks.jolts(strange, base, found.at, off),
+        jolts=outliers.jolts(strange, base, found.at, off),
     )
 
 
@@ -165,8 +166,8 @@ def _settled(found: Solution) -> Solution:
     """Converged also where the way leads on in directions that no movement tells: the next step is small against what is known of each parameter."""
     if found.outcome != "not converged":
         return found
-    made_up = covariance.apparent(found.problem, found.at, found.factor)
-    sure = covariance.honest(found.problem, found.at, found.factor, made_up).covariance
+    made_up = parameter_covariance.apparent(found.problem, found.at, found.factor)
+    sure = parameter_covariance.honest(found.problem, found.at, found.factor, made_up).covariance
     step = normal_equations.step(built(found.problem, found.at)[0], found.factor).parameters
     return replace(found, outcome="converged" if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all() else found.outcome)
 

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import Hand, side_sign
-from handscope.estimators.hand_geometry import HandGeometry, HandMeasures, sized
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
+from handscope.estimators.hand.anatomy import Hand, side_sign
+from handscope.estimators.hand.geometry import HandGeometry, HandMeasures, sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, sampled
 from handscope.estimators.simulation.scenario import Simulated

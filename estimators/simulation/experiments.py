@@ -11,15 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.quaternions import Array
-from handscope.estimators.simulation import functional, giving, guided, held, tasks
+from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.simulation import joint_compliance
 from handscope.estimators.simulation.magnetic_field import MagneticField
+from handscope.estimators.simulation.movements import functional_calibration, guided_movements, static_hold, task_performance
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import drawn
 from handscope.estimators.simulation.scenario import Simulated, performed
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.estimators.simulation.tasks import Performance
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 
 Perform = Callable[[HandGeometry, np.random.Generator], tuple[Performance, ...]]
@@ -65,11 +66,13 @@ def recorded(
     person = drawn(hand, of_person)
     true = person.true if length_errors else person.told
     pose, *rest = experiment.perform(true, of_motion)
-    pose = tasks.initial_pose(true, pose.motion.duration, taken=_missed(tasks.flat(), pose_error_deg, of_pose, wrist_error_deg))
-    calibrating = functional.all_steps(true, of_steps) if steps else ()
-    whole, phase = [pose, *calibrating, *rest], giving.phases(of_give)
+    pose = task_performance.initial_pose(
+        true, pose.motion.duration, taken=_missed(task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg)
+    )
+    calibrating = functional_calibration.all_steps(true, of_steps) if steps else ()
+    whole, phase = [pose, *calibrating, *rest], joint_compliance.phases(of_give)
     if give_deg:
-        whole = [replace(p, motion=giving.Giving(p.motion.spline, np.radians(give_deg), phase)) for p in whole]
+        whole = [replace(p, motion=joint_compliance.Giving(p.motion.spline, np.radians(give_deg), phase)) for p in whole]
     return performed(whole, hand, true, of_sensors, errors, segments, rate, forearm_rate, field, known=person.told, link=link)
 
 
@@ -88,57 +91,63 @@ def _missed(pose: Array, largest_deg: float, rng: np.random.Generator, wrist_deg
 
 
 def _after_pose(perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Perform:
-    return lambda geometry, rng: (tasks.initial_pose(geometry), perform(geometry, rng))
+    return lambda geometry, rng: (task_performance.initial_pose(geometry), perform(geometry, rng))
 
 
 def _table6(name: str, finger: str, perform: Callable[[HandGeometry, np.random.Generator, str, str], Performance]) -> Experiment:
     return Experiment(name, (finger,), _after_pose(lambda geometry, rng: perform(geometry, rng, name, finger)))
 
 
-def _table7(name: str, hold: held.Hold, perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Experiment:
+def _table7(name: str, hold: static_hold.Hold, perform: Callable[[HandGeometry, np.random.Generator], Performance]) -> Experiment:
     return Experiment(name, hold.fingers, _after_pose(perform), (hold.a, hold.b), hold.distance)
 
 
 TABLE6: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        _table6("A-F1", "thumb", guided.abduction),
-        _table6("A-F2", "index", guided.abduction),
-        _table6("A-F3", "middle", guided.abduction),
-        _table6("AF-F1", "thumb", guided.circling),
-        _table6("AF-F2", "index", guided.circling),
-        _table6("AF-F3", "middle", guided.circling),
-        _table6("F-F2", "index", guided.flexion),
-        _table6("F-F3", "middle", guided.flexion),
+        _table6("A-F1", "thumb", guided_movements.abduction),
+        _table6("A-F2", "index", guided_movements.abduction),
+        _table6("A-F3", "middle", guided_movements.abduction),
+        _table6("AF-F1", "thumb", guided_movements.circling),
+        _table6("AF-F2", "index", guided_movements.circling),
+        _table6("AF-F3", "middle", guided_movements.circling),
+        _table6("F-F2", "index", guided_movements.flexion),
+        _table6("F-F3", "middle", guided_movements.flexion),
     )
 }
 TABLE7: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        _table7("P1 F1-F2", held.SPACER_THUMB_INDEX, held.spacer_thumb_index),
-        _table7("P2 F2-F3", held.SPACER_INDEX_MIDDLE, held.spacer_index_middle),
-        _table7("P3 F1-F2", held.PINCH, held.pinch_twice),
-        *(_table7(f"P4 {pair}", hold, held.block) for pair, hold in held.BLOCK.items()),
+        _table7("P1 F1-F2", static_hold.SPACER_THUMB_INDEX, static_hold.spacer_thumb_index),
+        _table7("P2 F2-F3", static_hold.SPACER_INDEX_MIDDLE, static_hold.spacer_index_middle),
+        _table7("P3 F1-F2", static_hold.PINCH, static_hold.pinch_twice),
+        *(_table7(f"P4 {pair}", hold, static_hold.block) for pair, hold in static_hold.BLOCK.items()),
     )
 }
 OTHERS: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        Experiment("mechanical finger", ("index",), _after_pose(guided.mechanical_finger)),
-        Experiment("tapping", ("thumb", "index"), _after_pose(lambda geometry, rng: tasks.tapping(geometry))),
-        Experiment("open_close 116/min", ("index", "middle", "ring", "little"), _after_pose(guided.open_close)),
-        Experiment("circles", ("index",), _after_pose(lambda geometry, rng: guided.circling(geometry, rng, "circles", "index"))),
-        Experiment("free", ("thumb", "index", "middle", "ring", "little"), _after_pose(guided.free)),
+        Experiment("mechanical finger", ("index",), _after_pose(guided_movements.mechanical_finger)),
+        Experiment("tapping", ("thumb", "index"), _after_pose(lambda geometry, rng: task_performance.tapping(geometry))),
+        Experiment("open_close 116/min", ("index", "middle", "ring", "little"), _after_pose(guided_movements.open_close)),
+        Experiment("circles", ("index",), _after_pose(lambda geometry, rng: guided_movements.circling(geometry, rng, "circles", "index"))),
+        Experiment("free", ("thumb", "index", "middle", "ring", "little"), _after_pose(guided_movements.free)),
     )
 }
 KORTIER2: Mapping[str, Experiment] = {
     e.name: e
     for e in (
-        Experiment("brisk flexion", ("index",), _after_pose(guided.brisk_flexion)),
-        Experiment("brisk circles", ("index",), _after_pose(guided.brisk_circles)),
-        Experiment("pinch", ("thumb", "index"), _after_pose(held.pinches), (held.PINCH.a, held.PINCH.b), held.PINCH.distance),
-        Experiment("flat hand", FINGERS, _after_pose(lambda geometry, rng: tasks.TASKS["repeatability_flat"](geometry))),
-        Experiment("clenched mould", FINGERS, _after_pose(lambda geometry, rng: tasks.TASKS["repeatability_mould"](geometry))),
+        Experiment("brisk flexion", ("index",), _after_pose(guided_movements.brisk_flexion)),
+        Experiment("brisk circles", ("index",), _after_pose(guided_movements.brisk_circles)),
+        Experiment(
+            "pinch",
+            ("thumb", "index"),
+            _after_pose(static_hold.pinches),
+            (static_hold.PINCH.a, static_hold.PINCH.b),
+            static_hold.PINCH.distance,
+        ),
+        Experiment("flat hand", FINGERS, _after_pose(lambda geometry, rng: task_performance.TASKS["repeatability_flat"](geometry))),
+        Experiment("clenched mould", FINGERS, _after_pose(lambda geometry, rng: task_performance.TASKS["repeatability_mould"](geometry))),
     )
 }
 EXPERIMENTS: Mapping[str, Experiment] = {

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.data.options import option
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.sensors import SensorSet, true_mounting
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from handscope.estimators import joint_angles
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
-from handscope.estimators.hand_geometry import HandGeometry, root_joint
-from handscope.estimators.quaternions import Array
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand, side_sign
+from handscope.estimators.hand.geometry import HandGeometry, root_joint
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.motion import Motion
-from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.data.options import option
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErrors
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import BPoly, PPoly, make_interp_spline
 from scipy.special import factorial
 
-from handscope.estimators.hand_anatomy import ANGLES, JOINT, JOINTS
-from handscope.estimators.quaternions import Array
+from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
+from handscope.estimators.numerics.quaternions import Array
 
 SIZE = 6 + 3 * len(JOINTS)
 COORDINATES = {

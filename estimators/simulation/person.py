@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, Hand
-from handscope.estimators.hand_geometry import (
+from handscope.estimators.data.options import option
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
+from handscope.estimators.hand.geometry import (
     FINGER_LENGTH,
     MCP_DISTAL,
     MEAN_HAND_BREADTH,
@@ -23,8 +24,7 @@ from handscope.estimators.hand_geometry import (
     HandMeasures,
     sized,
 )
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array, about, rotate
+from handscope.estimators.numerics.quaternions import Array, about, rotate
 
 ANSUR = "ANSUR (Gordon et al. 1989), men and women together"
 SALCHOW = "Salchow-Hoemmen 2019"

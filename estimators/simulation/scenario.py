@@ -5,24 +5,25 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handscope.estimators import trajectory
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import SEGMENTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event, Stream, join
-from handscope.estimators.simulation import force_sensors, kinematics, sensors, tasks, transmission, trunk
+from handscope.estimators.hand.anatomy import SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.simulation import force_sensors, kinematics, sensors, transmission, trunk
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
 from handscope.estimators.simulation.motion import shifted
+from handscope.estimators.simulation.movements import task_performance
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
-from handscope.estimators.simulation.tasks import Performance
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 from handscope.estimators.simulation.trunk import Carried, TrunkGlove
-from handscope.estimators.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,10 +71,10 @@ def simulate(
     link: Transmission = WIRED,
 ) -> Simulated:
     """The tasks in order, each from and to the relaxed posture; the forearm's sensor in a stream of its own where its rate is given."""
-    unknown = [name for name in task_names if name not in tasks.TASKS]
+    unknown = [name for name in task_names if name not in task_performance.TASKS]
     if unknown:
-        raise InputError(f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(tasks.TASKS)}")
-    performances = [tasks.TASKS[name](geometry) for name in task_names]
+        raise InputError(f"there is no task {unknown[0]!r} to simulate; tasks are {', '.join(task_performance.TASKS)}")
+    performances = [task_performance.TASKS[name](geometry) for name in task_names]
     return performed(performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link)
 
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
+from handscope.estimators.data.options import option
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, SEGMENT, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import MagneticField
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.options import option
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import Block
+from handscope.estimators.numerics.quaternions import Array
 
 VALTIN = "Valtin 2017, 2.2"
 

@@ -10,18 +10,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.magnet_plate import Place, Plate
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNETOMETERS, Stream
+from handscope.estimators.data.magnet_declaration import Place, Plate
+from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, TRUNK_MAGNETOMETERS, Stream
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation import magnet, sensors
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnet import NEUTRAL, MagnetErrors, Worn
 from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
 from handscope.estimators.simulation.motion import COORDINATES, Motion
 from handscope.estimators.simulation.sensors import SensorErrors, SensorSet
-from handscope.estimators.trajectory import Trajectory
 
 UP, BACK, LEVER = 0.20, 0.12, 0.40  # m of the breastbone above and behind the wrist at rest, and above the hips; ours
 LEAN, TURN = 0.30, 0.15  # rad a metre that the wrist goes forward: 4 cm of the breastbone in 0.28 m (Levin 2002)

@@ -10,14 +10,14 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from handscope.estimators import joint_angles
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import ANGLES, FINGERS, HANDS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand
-from handscope.estimators.marker_clusters import NAME as MARKER
-from handscope.estimators.marker_clusters import Markers
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Event
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import ANGLES, FINGERS, HANDS, JOINT, JOINTS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.optical_trajectory import NAME as MARKER
+from handscope.estimators.pipeline.optical_trajectory import Markers
 from handscope.sessions.motion_bids.files import Files, open_files, whole
 from handscope.sessions.motion_bids.reader import NAME, System, events_of, times_of
 from handscope.sessions.motion_bids.tables import json_object, numbers, rows

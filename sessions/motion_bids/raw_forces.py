@@ -6,7 +6,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.quaternions import Array
 
 
 def raw_columns(system: str, channels: Sequence[Mapping[str, str]], setups: Mapping[str, ForceSetup]) -> dict[str, list[int]]:

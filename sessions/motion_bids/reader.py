@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from handscope.estimators.data.magnet_declaration import plate_from
+from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup, setups_from
-from handscope.estimators.hand_anatomy import HANDS, Hand
-from handscope.estimators.hand_geometry import measures_from, sized
-from handscope.estimators.magnet_plate import plate_from
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS, Block, Event, Stream
+from handscope.estimators.hand.anatomy import HANDS, Hand
+from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.numerics.quaternions import Array
+from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
 from handscope.sessions.motion_bids.files import Files, checksum, open_files, whole
 from handscope.sessions.motion_bids.tables import MISSING, json_object, numbers, rows
-from handscope.sessions.recording import LoadedRecording, require_samples
 
 TYPES = {"GYRO": GYR, "ACCEL": ACC, "MAGN": MAG, "MISC": FORCE}
 UNITS: dict[str, dict[str, float]] = {

@@ -1,10 +1,10 @@
 """The known truth of a simulated recording, written beside it as a derivative."""
 
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids.writer import pretty
-from handscope.sessions.number_table import Data
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.trajectory_table import channels_of, table_of
+from handscope.sessions.tables_io.number_table import Data
+from handscope.sessions.tables_io.trajectory_table import channels_of, table_of
 
 
 def truth_files(truth: Trajectory, recording: LoadedRecording, subject: str, task: str, software: str) -> dict[str, Data]:

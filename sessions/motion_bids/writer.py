@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from handscope.estimators.data.magnet_declaration import table_of as table_of_plate
+from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
 from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.force.setup import table_of as table_of_force
-from handscope.estimators.hand_geometry import table_of
-from handscope.estimators.magnet_plate import table_of as table_of_plate
-from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Block, Event
-from handscope.sessions.number_table import Data, NumberTable, pieces
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.writing import save_file, save_folder
+from handscope.estimators.hand.geometry import table_of
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.tables_io.number_table import Data, NumberTable, pieces
+from handscope.sessions.tables_io.writing import save_file, save_folder
 
 BIDS_VERSION = "1.10.0"
 TYPES = {GYR: ("GYRO", "rad/s"), ACC: ("ACCEL", "m/s^2"), MAG: ("MAGN", "T"), FORCE: ("MISC", "N"), TORQUE: ("MISC", "N*m")}

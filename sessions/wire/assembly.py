@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators import imu_calibration
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import CHAINS
-from handscope.estimators.imu_calibration import CALIBRATED, Correction, ImuCalibration
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
-from handscope.sessions.clock_mapping import ClockMap
-from handscope.sessions.force_calibrations import Kept
-from handscope.sessions.wire import force_told
-from handscope.sessions.wire.force_told import ForceTold
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import FORCE, FORCE_POINTS, GYR, MAG, SATURATION, TORQUE, Block, Event, Stream
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors import imu_calibration
+from handscope.estimators.sensors.imu_calibration import CALIBRATED, Correction, ImuCalibration
+from handscope.sessions.tables_io.force_calibrations import Kept
+from handscope.sessions.wire import force_calibration
+from handscope.sessions.wire.clock_mapping import ClockMap
+from handscope.sessions.wire.force_calibration import ForceTold
 from handscope.sessions.wire.framing import Counters, Decoder
 from handscope.sessions.wire.messages import Identity, Mark, Message, Pong, Reply, Samples, Status, StreamInfo, Strip, StripCalibration
 from handscope.sessions.wire.sample_values import fits, values_of
@@ -270,7 +270,7 @@ class Assembler:
     def _forces_of(self, strip: Strip, info: StreamInfo) -> tuple[tuple[ForceTold | None, ...], bool]:
         """What is known of each force sensor of a stream, empty where nothing is, and whether samples are still to be corrected by it."""
         told = tuple(self.forces.get((strip.slot, k)) for k in range(len(strip.points)))
-        kept = () if any(told) else force_told.of_kept(self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points)
+        kept = () if any(told) else force_calibration.of_kept(self.kept_forces.get(f"{strip.strip_id:x}", {}), strip.slot, strip.points)
         found = told if any(told) else kept
         return (found, self.correct and (strip.raw or found is kept)) if FORCE in info.quantities and any(found) else ((), False)
 
@@ -329,7 +329,7 @@ class Assembler:
         if reading.correction is not None:
             values = imu_calibration.corrected(reading.correction, values)
         if reading.forces and reading.raw:
-            values = force_told.corrected(values, reading.info.quantities, reading.info.full_scale, reading.forces)
+            values = force_calibration.corrected(values, reading.info.quantities, reading.info.full_scale, reading.forces)
         at_limit = np.abs(values) >= reading.limits
         if at_limit.any():  # hardly ever
             count = self.counts[reading.stream.name]

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
-from handscope.sessions.wire.force_told import ForceTold, read_force, write_force
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, TRACKED_POINTS
+from handscope.sessions.wire.force_calibration import ForceTold, read_force, write_force
 from handscope.sessions.wire.plate_payload import read_plate, write_plate
 
 VERSION = 1

@@ -4,8 +4,8 @@ import struct
 
 import numpy as np
 
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.samples import TRACKED_POINTS
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import TRACKED_POINTS
 
 
 def write_plate(m: Plate) -> bytes:

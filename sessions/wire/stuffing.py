@@ -1,12 +1,12 @@
 """Consistent-overhead byte stuffing undone, compiled: the package cobs has no machine code for every platform, and a recording has a million frames.
 
-Source  Cheshire and Baker 1999; `cobs.decode` of the package cobs says the same of every frame (tests/sessions/test_framing.py)
+Source  Cheshire and Baker 1999; `cobs.decode` of the package cobs says the same of every frame (tests/sessions/wire/test_framing.py)
 """
 
 import numpy as np
 
-from handscope.estimators.compiled import looped
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics.jit import looped
+from handscope.estimators.numerics.quaternions import Array
 
 
 def unstuffed(frame: bytes) -> bytes | None:

@@ -10,8 +10,8 @@ from starlette.testclient import TestClient
 
 from handscope.app.server import create_app, store_of
 from handscope.app.settings import Settings
-from handscope.sessions import patients
-from handscope.sessions.tables import PatientSession, RecordingFile, Result
+from handscope.sessions.clinic import patients
+from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
 
 parser = pytest.importorskip("prometheus_client.parser", reason="prometheus-client is not installed: make lock, then make check")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from handscope.app.options import with_options
+from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
 from handscope.estimators.methods import METHODS
-from handscope.estimators.options import describe
-from handscope.estimators.processing import process
+from handscope.estimators.pipeline.process import process
 from tests.simulated import pose_and_wiggle
 
 M2 = METHODS["m2"]

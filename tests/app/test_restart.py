@@ -5,11 +5,12 @@ from pathlib import Path
 from sqlalchemy import select
 
 from handscope.app.version import software_version
-from handscope.sessions import patients, records, results
+from handscope.sessions.clinic import patients, results
+from handscope.sessions.db.tables import Result
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.store import Store, open_store
-from handscope.sessions.tables import Result
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store, open_store
 from tests.faults.victim import Victim, wait_for
 from tests.simulated import pose_and_wiggle
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.methods import METHODS
-from handscope.sessions import tables
+from handscope.sessions.db import tables
 
 CLOCK, FAILS = "clock", "fails"  # s by which the wall clock is off; there while the method fails
 

@@ -14,10 +14,10 @@ from typing import Any
 
 from sqlalchemy import create_engine, text
 
-from handscope.sessions import native
-from handscope.sessions.database import FILE, upgrade
+from handscope.sessions.files import native
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.store.database import FILE, upgrade
 from tests.app.devices.virtual import virtual_glove
 from tests.faults.victim import Victim, wait_for
 from tests.simulated import pose_and_wiggle

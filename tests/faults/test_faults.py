@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from sqlalchemy import select
 
-from handscope.sessions import native, records
-from handscope.sessions.store import open_store
-from handscope.sessions.tables import RecordingFile
+from handscope.sessions.db.tables import RecordingFile
+from handscope.sessions.files import native
+from handscope.sessions.store import records
+from handscope.sessions.store.store import open_store
 from tests.app.devices.virtual import virtual_glove
 from tests.faults.disturbing import CLOCK, FAILS
 from tests.faults.victim import Victim, wait_for

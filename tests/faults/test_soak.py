@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handscope.app.benchmarks import live
-from handscope.app.benchmarks.server_under_test import Client, begin_tasks, glove, server
 from handscope.app.live import tracking as live_tracking
 from handscope.app.live.tracking import Tracking
-from handscope.estimators import initial_pose
-from handscope.estimators.hand_anatomy import SEGMENTS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.anatomy import SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
-from handscope.estimators.samples import Block
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.sessions.recorder import Recorder
+from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Message
+from handscope.validation.benchmarks import live
+from handscope.validation.benchmarks.server_under_test import Client, begin_tasks, glove, server
 from tests.app.devices.virtual import wait_for
 from tests.glove import NS, ON, bursts, identity, info, strip
 from tests.simulated import INSTANT, strips_of

@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from handscope.app.api.access import new_token
-from handscope.app.working_process import heed_the_server_alone
+from handscope.app.auth.gate import new_token
+from handscope.app.workers.process import heed_the_server_alone
 from tests import fork_server
 from tests.faults import disturbing
 

@@ -14,7 +14,16 @@ import traceback
 from pathlib import Path
 
 FOUND = Path(__file__).parent / "found"
-INSTRUMENTED = ["handscope.sessions", "handscope.app.protocols", "handscope.app.qualisys", "c3d", "cobs", "mcap", "zipfile", "json"]
+INSTRUMENTED = [
+    "handscope.sessions",
+    "handscope.app.protocols",
+    "handscope.sessions.formats.qualisys",
+    "c3d",
+    "cobs",
+    "mcap",
+    "zipfile",
+    "json",
+]
 LONGEST = 2**17  # bytes of an input
 
 

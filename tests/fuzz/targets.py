@@ -20,13 +20,14 @@ from typing import Any
 from cobs import cobs
 
 from handscope.app import protocols
-from handscope.app.qualisys import BACK, ELBOWS
-from handscope.app.qualisys import read_markers as read_table
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import FINGERS
-from handscope.sessions import backup, formats
-from handscope.sessions.c3d import read_markers
-from handscope.sessions.store import open_store
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.formats.c3d import read_markers
+from handscope.sessions.formats.qualisys import BACK, ELBOWS
+from handscope.sessions.formats.qualisys import read_markers as read_table
+from handscope.sessions.store import backup
+from handscope.sessions.store.store import open_store
 from handscope.sessions.wire.assembly import Assembler
 from tests.bids import dataset
 from tests.glove import frames, whole_session
@@ -63,13 +64,13 @@ def payloads(data: bytes, folder: Path) -> None:
 
 def recording(data: bytes, folder: Path) -> None:
     (folder / "r.mcap").write_bytes(data)
-    formats.load(folder / "r.mcap", "left")
+    formats_recordings.load(folder / "r.mcap", "left")
 
 
 def bids(data: bytes, folder: Path) -> None:
     """A zip as it is uploaded."""
     (folder / "r.zip").write_bytes(data)
-    formats.load(folder / "r.zip", "left")
+    formats_recordings.load(folder / "r.zip", "left")
 
 
 def bids_files(data: bytes, folder: Path) -> None:
@@ -123,7 +124,7 @@ def _pieces() -> list[bytes]:
 
 
 def _recorded() -> list[bytes]:
-    from handscope.sessions.recorder import Recorder
+    from handscope.sessions.files.recorder import Recorder
 
     with tempfile.TemporaryDirectory() as folder:
         with Recorder(Path(folder) / "r.mcap", {"hand": "left", "geometry": {"hand_length": 0.19}}, 100.0) as recorder:
@@ -145,7 +146,7 @@ def _joined() -> list[bytes]:
 
 
 def _marked() -> list[bytes]:
-    from tests.sessions.test_c3d import places, written
+    from tests.sessions.formats.test_c3d import places, written
 
     with tempfile.TemporaryDirectory() as folder:
         return [written(Path(folder) / "m.c3d", places(5)).read_bytes()]
@@ -164,7 +165,7 @@ def _tasks() -> list[bytes]:
 
 
 def _backed_up() -> list[bytes]:
-    from tests.sessions.test_backup import filled
+    from tests.sessions.store.test_backup import filled
 
     with tempfile.TemporaryDirectory() as folder:
         store = filled(open_store(Path(folder) / "data"))

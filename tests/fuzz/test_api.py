@@ -13,14 +13,15 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
-from handscope.app import results as making
-from handscope.app.api.access import new_token
+from handscope.app.auth.gate import new_token
+from handscope.app.results import make as making
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.app.version import software_version
-from handscope.sessions import accounts, patients, records, results
+from handscope.sessions.clinic import accounts, patients, results
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.store import Store, open_store
+from handscope.sessions.store import records
+from handscope.sessions.store.store import Store, open_store
 from tests.fuzz.targets import seeds, writes_within
 from tests.simulated import loaded, pose_and_wiggle
 

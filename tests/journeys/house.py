@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import Frame, Locator, Page, Route, expect
 
-from handscope.app.api.access import new_token
+from handscope.app.auth.gate import new_token
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = itertools.count(1)  # of patients made here

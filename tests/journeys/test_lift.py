@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from handscope.app.benchmarks.server_under_test import glove
+from handscope.validation.benchmarks.server_under_test import glove
 from tests.journeys.house import LONG, ROOT, Server, act, end_session, figure, keep_picture, name_port, new_patient, shown
 
 pytestmark = pytest.mark.browser

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page
 from pypdf import PdfReader
 
-from handscope.app.benchmarks.server_under_test import glove, wait_for
+from handscope.validation.benchmarks.server_under_test import glove, wait_for
 from tests.journeys.house import LONG, Server, act, api, figure, keep_picture, name_port, new_patient, shown
 from tests.journeys.test_accessibility import looked_at
 

@@ -8,9 +8,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from handscope.app.version import software_version
-from handscope.sessions import results
-from handscope.sessions.store import store_at
-from handscope.sessions.tables import PatientSession, Result
+from handscope.sessions.clinic import results
+from handscope.sessions.db.tables import PatientSession, Result
+from handscope.sessions.store.store import store_at
 from tests.journeys.house import Server, api, keep_picture, new_patient, shown
 
 pytestmark = pytest.mark.browser

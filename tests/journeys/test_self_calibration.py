@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from handscope.app.benchmarks.server_under_test import glove, wait_for
+from handscope.validation.benchmarks.server_under_test import glove, wait_for
 from tests.journeys.house import LONG, Server, act, api, end_session, held_back, keep_picture, name_port, new_patient, shown
 from tests.journeys.test_accessibility import looked_at
 

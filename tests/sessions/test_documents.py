@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from handscope.estimators.hand_anatomy import ANGLES, JOINTS, SEGMENTS
-from handscope.estimators.hand_geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
-from handscope.estimators.samples import TRACKED_POINTS, TRUNK_MAGNETOMETERS
-from handscope.estimators.trajectory import Flag, ForceFlag, PlaceFlag
+from handscope.estimators.data.samples import TRACKED_POINTS, TRUNK_MAGNETOMETERS
+from handscope.estimators.data.trajectory import Flag, ForceFlag, PlaceFlag
+from handscope.estimators.hand.anatomy import ANGLES, JOINTS, SEGMENTS
+from handscope.estimators.hand.geometry import FINGER_LENGTH, MCP_DISTAL, MCP_ULNAR, RATIO_CI95, RATIOS, TIP_TISSUE, TIP_TISSUE_SD
+from handscope.sessions.files.recorder import CHANNELS, FORMAT_VERSION
 from handscope.sessions.motion_bids import files
 from handscope.sessions.motion_bids.reader import TORQUES, UNITS
-from handscope.sessions.recorder import CHANNELS, FORMAT_VERSION
 from handscope.sessions.wire import framing, messages
 from handscope.sessions.wire.assembly import WAITING
 from handscope.sessions.wire.messages import Ping, ReplyCode

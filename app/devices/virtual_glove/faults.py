@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.options import option
+from handscope.estimators.data.options import option
 
 HICCUP = 3.0  # s between two delayed bursts
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from handscope.app.devices.virtual_glove.flash import Flash
 from handscope.app.devices.virtual_glove.wearer import Wearer
-from handscope.estimators.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
+from handscope.estimators.data.samples import FORCE, GYR, MAG, TORQUE, Block, Stream
 from handscope.sessions.wire import messages as wire
-from handscope.sessions.wire.force_told import ForceTold
+from handscope.sessions.wire.force_calibration import ForceTold
 from handscope.sessions.wire.framing import LONGEST, Decoder, Encoder
 from handscope.sessions.wire.sample_values import data_of
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from handscope.estimators.data.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.imu_calibration import CALIBRATED, ImuCalibration
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, MAG, TORQUE, Stream
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
 from handscope.sessions.wire.assembly import correction_of, message_of
-from handscope.sessions.wire.force_told import ForceTold, of_kept
+from handscope.sessions.wire.force_calibration import ForceTold, of_kept
 from handscope.sessions.wire.messages import StripCalibration
 
 BIAS = {

@@ -7,20 +7,27 @@ from typing import Protocol
 
 import numpy as np
 
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
 from handscope.estimators.errors import InputError
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.magnet_plate import Plate
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, TORQUE, TRUNK, TRUNK_MAGNETOMETERS, Block, Event, Stream
-from handscope.estimators.simulation import force_sensors, functional, guided, held, held_object, kinematics, sensors, tasks, trunk
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.simulation import force_sensors, kinematics, sensors, trunk
 from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.motion import Motion, after, shifted, through
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    guided_movements,
+    object_dynamics,
+    static_hold,
+    task_performance,
+)
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.estimators.simulation.tasks import Performance
 from handscope.estimators.simulation.trunk import TrunkGlove
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.recording import LoadedRecording
 
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
@@ -28,15 +35,15 @@ FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
 MORE = ("force", "torque", TRUNK)  # strips that are not on the hand's segments; torque: the force sensors have six axes
 FRAME = 1.5  # s from the relaxed posture into what is held
 HELD: Mapping[str, Callable[..., Performance]] = {  # a spacer, a pinch or a block is held while the hand moves about
-    "selfcheck_p1": held.spacer_thumb_index,
-    "selfcheck_p2": held.spacer_index_middle,
-    "selfcheck_p3": partial(held.pinch_twice, shut=10.0),  # as its protocol beats
-    "selfcheck_p4": held.block,
-    "pinches": held.pinches,
-    **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in held_object.TASKS.items()},
+    "selfcheck_p1": static_hold.spacer_thumb_index,
+    "selfcheck_p2": static_hold.spacer_index_middle,
+    "selfcheck_p3": partial(static_hold.pinch_twice, shut=10.0),  # as its protocol beats
+    "selfcheck_p4": static_hold.block,
+    "pinches": static_hold.pinches,
+    **{task: (lambda geometry, rng, sway, perform=perform: perform(geometry, rng)) for task, perform in object_dynamics.TASKS.items()},
 }
 FREE, BEYOND = "free_movement", 5.0  # s that a person goes on beyond what is asked for
-UNDERSTOOD = frozenset({*tasks.TASKS, *functional.STEPS, *HELD, FREE})
+UNDERSTOOD = frozenset({*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE})
 
 
 class Wearer(Protocol):
@@ -73,7 +80,7 @@ class SimulatedPerson:
     def __post_init__(self) -> None:
         worn = [s for s in SEGMENTS if any(s in stream.sensors for stream in self.streams)]
         self._sensors = sensors.mounted(worn, self.geometry, self.errors, self.rng)
-        self._motion = through([(0.0, tasks.relaxed()), (1.0, tasks.relaxed())])
+        self._motion = through([(0.0, task_performance.relaxed()), (1.0, task_performance.relaxed())])
         self._held: list[tuple[float, Performance]] = []  # when something is taken in hand
         felt = [p.removesuffix("_tip_force") for s in self.streams if FORCE in s.quantities for p in s.sensors]
         self._force = force_sensors.worn(felt, ForceErrors(), self.rng) if felt else None
@@ -104,8 +111,8 @@ class SimulatedPerson:
         done, begins = _performance(task, details, self.geometry, self.rng)
         self._held = [*self._held[-1:], (t + begins, done)] if done.forces is not None else self._held[-1:]
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
-        waits = [(t + BRIDGE, tasks.relaxed())] if begins > BRIDGE else []
-        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, tasks.relaxed())], t), shifted(done.motion, t + begins))
+        waits = [(t + BRIDGE, task_performance.relaxed())] if begins > BRIDGE else []
+        self._motion = _joined(after((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t), shifted(done.motion, t + begins))
         return True
 
     def marks(self, start: float, stop: float) -> list[Event]:
@@ -240,23 +247,23 @@ def layout(strips: Sequence[str], rate: float, forearm_rate: float | None = None
 
 def _performance(task: str, details: Mapping[str, str], geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, float]:
     """What a cue asks for, and how long after that it begins (s); a pose is held, everything else ends relaxed."""
-    if task in functional.STEPS:  # not quite carefully; the step itself begins when the countdown is over
-        step = functional.STEPS[task](geometry, rng, functional.Carelessness())
-        return step, max(BRIDGE, float(details.get("lead", 0.0)) - functional.LEAD)
+    if task in functional_calibration.STEPS:  # not quite carefully; the step itself begins when the countdown is over
+        step = functional_calibration.STEPS[task](geometry, rng, functional_calibration.Carelessness())
+        return step, max(BRIDGE, float(details.get("lead", 0.0)) - functional_calibration.LEAD)
     if task == "initial_pose":
-        return tasks.initial_pose(geometry, HOLD), BRIDGE
+        return task_performance.initial_pose(geometry, HOLD), BRIDGE
     if task in HELD:
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
     if task == FREE:
         begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
-        return guided.free(geometry, rng, float(details.get("duration", 40.0)) + BEYOND), begins
+        return guided_movements.free(geometry, rng, float(details.get("duration", 40.0)) + BEYOND), begins
     if task == "wiggle" and details.get("finger") in FINGERS:
-        return tasks.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
-    if task in tasks.TIMED and "duration" in details:
-        return tasks.TIMED[task](geometry, duration=float(details["duration"])), BRIDGE
-    if task in tasks.IN_STEP and "lead" in details:
-        return tasks.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)), BRIDGE
-    return tasks.TASKS[task](geometry), BRIDGE
+        return task_performance.wiggle(geometry, (details["finger"],)), max(BRIDGE, float(details.get("lead", 0.0)))
+    if task in task_performance.TIMED and "duration" in details:
+        return task_performance.TIMED[task](geometry, duration=float(details["duration"])), BRIDGE
+    if task in task_performance.IN_STEP and "lead" in details:
+        return task_performance.IN_STEP[task](geometry, lead=max(0.5, float(details["lead"]) - BRIDGE)), BRIDGE
+    return task_performance.TASKS[task](geometry), BRIDGE
 
 
 def _joined(first: Motion, second: Motion) -> Motion:

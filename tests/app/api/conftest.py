@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.app.api.access import new_token
+from handscope.app.auth.gate import new_token
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
-from handscope.sessions import accounts
+from handscope.sessions.clinic import accounts
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,13 @@ from starlette.staticfiles import StaticFiles
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from handscope.app.api.access import COOKIE, Gate, new_token
-from handscope.app.api.roles import ANYBODY, Doors, May, may
+from handscope.app.auth.gate import COOKIE, Gate, new_token
+from handscope.app.auth.roles import ANYBODY, Doors, May, may
 from handscope.app.settings import Settings
-from handscope.sessions import accounts, logins
-from handscope.sessions.accounts import ADMINISTRATOR, ROLES
-from handscope.sessions.store import open_store
+from handscope.sessions.clinic import accounts
+from handscope.sessions.clinic.accounts import ADMINISTRATOR, ROLES
+from handscope.sessions.store import logins
+from handscope.sessions.store.store import open_store
 
 ORIGIN = {"Origin": "http://127.0.0.1:8420"}
 SOCKETS = "ws://127.0.0.1:8420"

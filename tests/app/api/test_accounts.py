@@ -7,11 +7,11 @@ from argon2 import PasswordHasher
 from starlette.testclient import TestClient
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from handscope.app.api.access import COOKIE, new_token
+from handscope.app.auth.gate import COOKIE, new_token
 from handscope.app.settings import Settings
-from handscope.sessions import accounts, audit
-from handscope.sessions.accounts import ADMINISTRATOR, CLINICIAN
-from handscope.sessions.tables import Attempt, AuditLine
+from handscope.sessions.clinic import accounts, audit
+from handscope.sessions.clinic.accounts import ADMINISTRATOR, CLINICIAN
+from handscope.sessions.db.tables import Attempt, AuditLine
 
 GOOD = "seven hands on a table"
 

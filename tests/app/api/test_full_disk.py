@@ -11,13 +11,13 @@ from sqlalchemy import event
 from sqlalchemy.orm import Session, sessionmaker
 from starlette.testclient import TestClient
 
-from handscope.app import results
 from handscope.app.api import sessions as session_routes
+from handscope.app.results import make as results_make
 from handscope.app.server import store_of
 from handscope.app.settings import Settings
-from handscope.sessions import writing
-from handscope.sessions.store import Store
-from handscope.sessions.tables import PatientSession, RecordingFile, Result
+from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
+from handscope.sessions.store.store import Store
+from handscope.sessions.tables_io import writing
 from tests.app.api.conftest import files_in
 from tests.app.api.test_recordings import upload
 
@@ -98,8 +98,8 @@ def test_a_result_that_finds_no_room_is_failed_in_words(
                 db.add_all([Result(recording_id=result.recording_id, key=f"{k}", method="x" * 9000, version="1") for k in range(60)])
                 db.commit()
 
-    monkeypatch.setattr(results, "computed", computed)
-    results.make(store, result.id)
+    monkeypatch.setattr(results_make, "computed", computed)
+    results_make.make(store, result.id)
     told = client.get(f"/api/results/{result.id}").json()
     assert (told["state"], "the disk is full" in told["error"]) == ("failed", True)
     assert not list(store.folder.glob("*movement*"))

@@ -12,11 +12,11 @@ import pytest
 from starlette.testclient import TestClient
 
 from handscope.app.settings import Settings
-from handscope.estimators.samples import Event
-from handscope.sessions import formats
-from handscope.sessions.recorder import Recorder
-from handscope.sessions.store import open_store
-from handscope.sessions.tables import PatientSession, RecordingFile
+from handscope.estimators.data.samples import Event
+from handscope.sessions.db.tables import PatientSession, RecordingFile
+from handscope.sessions.files.recorder import Recorder
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.store.store import open_store
 from handscope.sessions.wire.framing import Encoder
 from tests.app.api.conftest import files_in
 from tests.app.api.test_recordings import finished, upload
@@ -61,7 +61,7 @@ def test_everything_about_a_patient_comes_in_one_file_that_can_be_checked(
     with np.load(io.BytesIO(files[f"{folder}/result-{made['result']}.npz"])) as replay:
         assert len(replay["t"]) == len(replay["angles"]) > 100
     (bids,) = (tmp_path / folder).glob("motion-bids-*")
-    one, other = formats.load(bids), formats.load(next((tmp_path / folder).glob("*.mcap")))
+    one, other = formats_recordings.load(bids), formats_recordings.load(next((tmp_path / folder).glob("*.mcap")))
     np.testing.assert_array_equal(one.samples["index"].values, other.samples["index"].values)
 
 

@@ -8,13 +8,13 @@ import pytest
 from sqlalchemy import create_engine
 from starlette.testclient import TestClient
 
-from handscope.app.api.access import new_token
+from handscope.app.auth.gate import new_token
 from handscope.app.server import create_app, store_of
 from handscope.app.settings import Settings
-from handscope.sessions import patients
-from handscope.sessions.conflicts import ConflictError
-from handscope.sessions.database import open_database
+from handscope.sessions.clinic import patients
+from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.motion_bids import writer
+from handscope.sessions.store.database import open_database
 from tests import postgres
 from tests.app.api.test_recordings import upload
 from tests.app.devices.virtual import wait_for

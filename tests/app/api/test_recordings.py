@@ -12,12 +12,12 @@ from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from handscope.app.settings import Settings
-from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand.anatomy import FINGERS
 from handscope.sessions import motion_bids
+from handscope.sessions.db.tables import RecordingFile
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.store import open_store
-from handscope.sessions.tables import RecordingFile
+from handscope.sessions.store.store import open_store
 from tests.app.api.conftest import files_in
 from tests.simulated import pose_and_wiggle
 
@@ -280,7 +280,7 @@ def test_a_full_disk_refuses_uploads_and_sessions_in_words(
     from collections import namedtuple
 
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr("handscope.sessions.store.shutil.disk_usage", lambda path: usage(10**9, 10**9, 5_000))
+    monkeypatch.setattr("handscope.sessions.store.store.shutil.disk_usage", lambda path: usage(10**9, 10**9, 5_000))
     before = files_in(settings)
     for answer in (
         upload(client, patient, packed),

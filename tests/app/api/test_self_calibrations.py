@@ -5,12 +5,12 @@ from collections.abc import Callable
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.sessions.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.clinic.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.db.tables import RecordingFile, Result
+from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.tables import RecordingFile, Result
 from tests.app.api.test_recordings import finished, upload
-from tests.sessions.test_self_calibrations import found
+from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import pose_and_wiggle
 
 

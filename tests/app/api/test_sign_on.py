@@ -16,9 +16,9 @@ from joserfc import jwt
 from joserfc.jwk import RSAKey
 from starlette.testclient import TestClient
 
+from handscope.app.auth.oidc import SignOn, SignOnError, leave
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
-from handscope.app.single_sign_on import SignOn, SignOnError, leave
 
 BASE = "http://127.0.0.1:8420"
 SECRET, PROOF = "s+c%r:t", "us:s%2Bc%25r%3At"  # encoded as RFC 6749, 2.3.1 wants it

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.estimators import quaternions as quat
+from handscope.estimators.data.samples import FORCE
 from handscope.estimators.force import fingertip_forces
-from handscope.estimators.samples import FORCE
+from handscope.estimators.numerics import quaternions as quat
 from handscope.sessions import motion_bids
 from tests.bids import BASE, Files, dataset, folder, with_sidecar, with_text
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.samples import ACC, GYR, MAG, TRUNK, Block, Stream
+from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, Block, Stream
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation import magnet
 from handscope.estimators.simulation.magnetic_field import EARTH, homogeneous
 from handscope.estimators.simulation.trunk import MAGNETOMETERS, Q_BS
 from handscope.sessions import motion_bids
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.recording import LoadedRecording
 
 
 def test_a_plate_that_was_turned_is_calibrated_and_says_the_strength_of_the_field(

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import VERBS, main
-from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.data.options import describe
+from handscope.estimators.hand.anatomy import DOF_NAMES
 from handscope.estimators.methods import METHODS
-from handscope.estimators.options import describe
-from handscope.sessions import formats
+from handscope.sessions.formats import recordings as formats_recordings
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_process_writes_the_derivative_of_the_contract(simulated: Path, processe
     assert columns[0] == "time"
     assert columns[1 : 1 + len(DOF_NAMES)] == list(DOF_NAMES)
     assert {"index_tip_x", "thumb_tip_z", "hand_quat_w", "little_distal_quat_z"} <= set(columns)
-    assert len(values) == len(formats.load(simulated).samples["imu"].t)
+    assert len(values) == len(formats_recordings.load(simulated).samples["imu"].t)
     sidecar = json.loads(next(processed.rglob("*desc-m2_motion.json")).read_text())
     assert {"method", "parameters", "software_version", "input_checksum", "calibration_quality", "warnings"} <= set(sidecar)
     assert sidecar["method"] == "m2"
@@ -245,7 +245,7 @@ def test_info_and_export_open_what_was_exported(simulated: Path, tmp_path: Path,
     told = capsys.readouterr().out
     assert "right hand" in told
     assert "initial_pose" in told
-    before, after = formats.load(simulated), formats.load(tmp_path / "again.zip")
+    before, after = formats_recordings.load(simulated), formats_recordings.load(tmp_path / "again.zip")
     np.testing.assert_array_equal(before.samples["imu"].values, after.samples["imu"].values)
 
 

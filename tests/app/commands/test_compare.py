@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.app.qualisys import read_markers
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
-from handscope.estimators.samples import Event
-from handscope.estimators.trajectory import Trajectory
-from handscope.sessions import formats
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.formats.qualisys import read_markers
 from handscope.sessions.motion_bids import kinematics
 from tests.app.commands.test_commands import refused
 from tests.estimators.measures.movements import movement
-from tests.sessions.test_c3d import written
-from tests.sessions.test_kinematics import Column, table
+from tests.sessions.formats.test_c3d import written
+from tests.sessions.motion_bids.test_kinematics import Column, table
 from tests.simulated import DEG
 
 PILLOW = Path(__file__).parents[2] / "estimators" / "simulation" / "pillow_grasp.tsv.gz"
@@ -135,7 +135,7 @@ def test_markers_of_a_c3d_file_against_the_recording(simulated: Path, truth: Pat
     assert moved is not None
     markers, names = clusters(moved, 1.5, 80.0)
     optical = written(tmp_path / "optical.c3d", 1e3 * markers, names, "mm", 80.0)
-    pose = formats.load(simulated).of_type("initial_pose")[0]
+    pose = formats_recordings.load(simulated).of_type("initial_pose")[0]
     still = f"{pose.onset - 1.5}:{pose.end - 1.5}"  # by the system's clock
     told, found = compared([str(simulated), str(optical), "--static-b", still, "--option-a", "gyr_reading=instant"], tmp_path / "out")
     assert told["lag"]["seconds"] == pytest.approx(1.5, abs=2e-3)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from handscope.app.cli import main
-from handscope.app.working_process import CONTEXT, heed_the_terminal
+from handscope.app.workers.process import CONTEXT, heed_the_terminal
 from tests import fork_server
 
 WAIT = 120.0  # s until a test gives up

@@ -8,8 +8,8 @@ import pytest
 
 from handscope.app.cli import main
 from handscope.app.live.stations import live_setup
-from handscope.sessions import force_calibrations
-from handscope.sessions.tables import PatientSession
+from handscope.sessions.db.tables import PatientSession
+from handscope.sessions.tables_io import force_calibrations
 from tests.app.commands.test_calibrate_force import table
 from tests.app.devices.virtual import virtual_glove
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.estimators import magnet_learning
-from handscope.estimators.magnet_learning import Learnt
-from handscope.estimators.magnet_plate import Plate, plate_from
-from handscope.sessions import formats
+from handscope.estimators.data.magnet_declaration import Plate, plate_from
+from handscope.estimators.magnet.pipeline import setup_learning
+from handscope.estimators.magnet.pipeline.setup_learning import Learnt
+from handscope.sessions.formats import recordings as formats_recordings
 
 TOLD = Plate({"trunk_mag_1": (0.0, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.32, 0.0, 0.0), (0.0, 0.0, 0.01), 4.98e-5)
 BETTER = Plate({"trunk_mag_1": (0.003, 0.0, 0.0), "trunk_mag_2": (0.1, 0.0, 0.0)}, (0.0, 0.3, 0.0), (0.0, 0.004, 0.01), 4.98e-5)
@@ -22,13 +22,13 @@ def test_what_was_learnt_is_written_as_a_magnet_setup_and_said(
 ) -> None:
     asked = []
 
-    def learnt(plate: Plate, roughly: magnet_learning.Roughly, *_: object) -> Learnt:
+    def learnt(plate: Plate, roughly: setup_learning.Roughly, *_: object) -> Learnt:
         asked.append((plate, roughly.moment, roughly.place, roughly.places))
         sd = np.array([[0.001] * 3, [0.0029] * 3])
         return Learnt(BETTER, tuple(BETTER.places), np.full(3, 0.006), np.full(3, 0.002), sd, 0.9)
 
-    monkeypatch.setattr(magnet_learning, "learnt", learnt)
-    monkeypatch.setattr(formats, "load", lambda *_: SimpleNamespace(plate=TOLD, samples={}, mounting={}))
+    monkeypatch.setattr(setup_learning, "learnt", learnt)
+    monkeypatch.setattr(formats_recordings, "load", lambda *_: SimpleNamespace(plate=TOLD, samples={}, mounting={}))
     out = tmp_path / "setup.json"
     assert main(["learn-magnet", "half_a_minute.zip", "--out", str(out), "--moment-error", "0.2", "--place-error", "8"]) == 0
     assert asked == [(TOLD, 0.2, 0.008, 0.003)]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
-from handscope.estimators import magnet_array
-from handscope.estimators import quaternions as quat
 from handscope.estimators.errors import InputError
-from handscope.estimators.quaternions import Array
+from handscope.estimators.magnet.array import bench_readings
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous
-from handscope.sessions import array_table
-from handscope.sessions.array_description import described
+from handscope.sessions.tables_io import array_table
+from handscope.sessions.tables_io.array_description import described
 
 PLACES = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.12, 0], [0.1, 0.12, 0.03], [0.05, 0.06, 0.0]])
 CHIPS = np.array(  # rows: what each chip calls x, y, z in the board's axes
@@ -217,7 +217,7 @@ def test_tables_of_other_benches_are_read(tmp_path: Path) -> None:
     read = array_table.table(tmp_path / "b.dat", told)
     np.testing.assert_allclose(read.t, [0, 0.02])
     np.testing.assert_array_equal(read.readings["m1"], [[2, 4, 6], [8, 10, 12]])
-    np.testing.assert_allclose(magnet_array.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8)
+    np.testing.assert_allclose(bench_readings.in_tesla(read.readings["m1"], told.unit, None)[0, 0], 1.2e-8)
 
 
 def test_a_cell_may_hold_three_numbers_and_a_row_one_magnetometer(tmp_path: Path) -> None:
@@ -289,15 +289,15 @@ def test_magnetometers_alone_are_a_motion_bids_recording(tmp_path: Path, capsys:
 
 def test_units_and_clocks() -> None:
     one = np.full((1, 1, 3), 0.5)
-    np.testing.assert_allclose(magnet_array.in_tesla(one, "G", None), 5e-5)
-    np.testing.assert_allclose(magnet_array.in_tesla(one, "normalised", 4e-5), 2e-5)
+    np.testing.assert_allclose(bench_readings.in_tesla(one, "G", None), 5e-5)
+    np.testing.assert_allclose(bench_readings.in_tesla(one, "normalised", 4e-5), 2e-5)
     with pytest.raises(InputError, match="earth"):
-        magnet_array.in_tesla(one, "normalised", None)
+        bench_readings.in_tesla(one, "normalised", None)
     with pytest.raises(InputError, match="units are"):
-        magnet_array.in_tesla(one, "tesla", None)
+        bench_readings.in_tesla(one, "tesla", None)
     t = np.arange(10.0)
     own = np.delete(np.arange(0.5, 10.5), [4, 5, 6])
-    brought = magnet_array.together(t, own, np.column_stack([own, 2 * own, -own]))
+    brought = bench_readings.together(t, own, np.column_stack([own, 2 * own, -own]))
     np.testing.assert_allclose(brought[[1, 2, 9]], [[1, 2, -1], [2, 4, -2], [9, 18, -9]])
     assert np.isnan(brought[[0, 4, 5, 6, 7]]).all()
 
@@ -307,6 +307,6 @@ def test_a_limit_that_nobody_told_is_seen() -> None:
     t = np.arange(600) / RATE
     mag = 60e-6 * np.sin(t)[:, None, None] * np.ones((1, 2, 3)) + NOISE * rng.normal(size=(600, 2, 3))
     mag[:, 1, 2] = np.clip(mag[:, 1, 2], -50e-6, 50e-6)
-    looked = magnet_array.looked(t, mag, None)
+    looked = bench_readings.looked(t, mag, None)
     assert looked.limited[:, 1].mean() > 0.2 and not looked.limited[:, 0].any()
     np.testing.assert_allclose(looked.noise[0], NOISE, rtol=0.3)

@@ -10,7 +10,7 @@ import pytest
 from handscope.app.cli import main
 from handscope.app.commands import record
 from handscope.app.devices.virtual_glove.firmware import AHEAD
-from handscope.sessions import native
+from handscope.sessions.files import native
 from tests.app.commands.test_commands import refused, table
 from tests.app.devices.virtual import virtual_glove
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from handscope.app.cli import main
-from handscope.app.reproduce import mechanical_finger
+from handscope.validation.papers import mechanical_finger
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from handscope.app.cli import main
+from handscope.estimators.data.samples import GYR, MAG
 from handscope.estimators.methods import m2
-from handscope.estimators.processing import process
-from handscope.estimators.samples import GYR, MAG
-from handscope.sessions import formats
-from handscope.sessions.recording import LoadedRecording
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
 
 PILLOW = Path(__file__).parents[2] / "estimators" / "simulation" / "pillow_grasp.tsv.gz"
 
@@ -18,7 +18,7 @@ PILLOW = Path(__file__).parents[2] / "estimators" / "simulation" / "pillow_grasp
 def _made(folder: Path, *words: str) -> LoadedRecording:
     path = folder / f"{abs(hash(words))}.zip"
     assert main(["simulate", *words, "--out", str(path)]) == 0
-    loaded = formats.load(path)
+    loaded = formats_recordings.load(path)
     assert isinstance(loaded, LoadedRecording)
     return loaded
 

@@ -18,9 +18,9 @@ import pytest
 from handscope.app.devices.glove import Glove
 from handscope.app.devices.pipes import Kind, frames_that_wait, write_frame
 from handscope.app.devices.ports import open_port
+from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.errors import InputError
-from handscope.estimators.samples import Block, Event
-from handscope.sessions import native
+from handscope.sessions.files import native
 from handscope.sessions.wire import assembly
 from handscope.sessions.wire.assembly import Assembler
 from handscope.sessions.wire.messages import Samples

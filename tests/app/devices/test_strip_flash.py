@@ -12,21 +12,21 @@ from handscope.app.devices import strip_flash
 from handscope.app.devices.virtual_glove.firmware import Build, Firmware
 from handscope.app.devices.virtual_glove.flash import Flash, delivered, require_fitting
 from handscope.app.devices.virtual_glove.wearer import SimulatedPerson, layout
+from handscope.estimators.data.samples import ACC, FORCE, GYR, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import ForceCalibration
 from handscope.estimators.force.setup import ForceSetup
-from handscope.estimators.imu_calibration import CALIBRATED, ImuCalibration
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import ACC, FORCE, GYR, Block, Event, Stream
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors.imu_calibration import CALIBRATED, ImuCalibration
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.sessions import native
-from handscope.sessions.recorder import Recorder
+from handscope.sessions.files import native
+from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.wire import messages as wire
 from handscope.sessions.wire.assembly import Assembler, message_of
 from handscope.sessions.wire.framing import Decoder, Encoder
-from tests.app.devices.test_firmware import person, play
 from tests.app.devices.virtual import virtual_glove
-from tests.estimators.test_imu_calibration import drawn
+from tests.app.devices.virtual_glove.test_firmware import person, play
+from tests.estimators.sensors.test_imu_calibration import drawn
 from tests.laid_down import laid_down, many_positions
 
 BENCH = (Stream("index", ("index_proximal", "index_middle", "index_distal"), (GYR, ACC), 100.0, "base", {GYR: 40.0, ACC: 160.0}),)

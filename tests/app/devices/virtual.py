@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.app.cli import main
-from handscope.app.working_process import CONTEXT, heed_the_server_alone
+from handscope.app.workers.process import CONTEXT, heed_the_server_alone
 
 WAIT = 120.0  # s until a test gives up
 

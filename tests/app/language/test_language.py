@@ -7,18 +7,18 @@ from importlib.resources import files
 
 import pytest
 
-from handscope.app.api.watch import LISTS
+from handscope.app.auth.audit_hooks import LISTS
 from handscope.app.language import ENGLISH, NAME, Language, language, languages, preferred
 from handscope.app.protocols import load_all, load_steps
 from handscope.app.report.words import figure_words
+from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.methods import METHODS
-from handscope.estimators.trajectory import FLAG_WORDS
-from handscope.sessions.audit import BY_ITSELF, KINDS
-from handscope.sessions.conflicts import ConflictError
-from handscope.sessions.full_disk import FULL
-from handscope.sessions.tables import Account, Base, Correction, Note, Patient, PatientSession
+from handscope.sessions.clinic.audit import BY_ITSELF, KINDS
+from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.full_disk import FULL
+from handscope.sessions.db.tables import Account, Base, Correction, Note, Patient, PatientSession
 
 GERMAN = languages()["de"]
 OTHERS = [one for one in languages().values() if one is not ENGLISH]

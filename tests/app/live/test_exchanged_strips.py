@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from handscope.app.live.station import Station
-from handscope.app.live.wizard import State
+from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
-from handscope.estimators.samples import GYR
-from handscope.sessions import formats
+from handscope.estimators.data.samples import GYR
+from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.virtual import virtual_glove, wait_for
 from tests.app.live.test_live_numbers import setup_of
 
@@ -30,7 +30,7 @@ def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(t
             wait_for(lambda: dict(station._wizard.seen).get("index"))
             assert dict(station._wizard.seen)["index"] == "index"
             now = station.tracking.newest_sample()
-    read = formats.load(setup.recording)
+    read = formats_recordings.load(setup.recording)
     assert "the strip of the index finger was worn on the ring finger and is read as that" in read.warnings
     index = read.samples["index"].between(now - 0.8, now)
     ring = read.samples["ring"].between(now - 0.8, now)

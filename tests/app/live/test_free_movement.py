@@ -5,19 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.app.live import free_movement, ghost, solving, wizard
-from handscope.app.live.solving import Solving
+from handscope.app.live import free_movement, ghost
+from handscope.app.live.snapshot import told_of
 from handscope.app.live.station import THUMB, Station
-from handscope.app.live.telling import told_of
-from handscope.app.live.wizard import LATE, Act, NotNowError, State, Wizard
+from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.machine import LATE, Act, NotNowError, State, Wizard
 from handscope.app.protocols import load_free
-from handscope.estimators.calibration import Known
-from handscope.estimators.samples import Event
-from handscope.sessions.recording import LoadedRecording
-from handscope.sessions.self_calibrations import Found
+from handscope.app.workers import self_calibration
+from handscope.app.workers.self_calibration import Solving
+from handscope.estimators.data.calibration import Known
+from handscope.estimators.data.samples import Event
+from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.files.recording import LoadedRecording
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
-from tests.app.live.test_wizard import PROTOCOLS, READY, kinds, later
-from tests.sessions.test_self_calibrations import found
+from tests.app.live.wizard.test_machine import PROTOCOLS, READY, kinds, later
+from tests.sessions.clinic.test_self_calibrations import found
 from tests.simulated import in_strips, loaded
 
 FREE = load_free()
@@ -25,18 +27,18 @@ FREE = load_free()
 
 def ready(**changed: object) -> Wizard:
     made = Wizard(PROTOCOLS, 3.0, free=FREE, state=State.TASKS)
-    return replace(wizard.act(made, Act.FREE, READY)[0], **changed)  # type: ignore[arg-type]
+    return replace(wizard_machine.act(made, Act.FREE, READY)[0], **changed)  # type: ignore[arg-type]
 
 
-def moved(w: Wizard) -> tuple[Wizard, wizard.Facts, list[wizard.Order]]:
+def moved(w: Wizard) -> tuple[Wizard, wizard_machine.Facts, list[wizard_machine.Order]]:
     """Counted down and moved for the whole time."""
-    w, orders = wizard.act(w, Act.START, READY)
+    w, orders = wizard_machine.act(w, Act.START, READY)
     assert (w.state, kinds(orders)) == (State.FREE_COUNTDOWN, [("cue", "free_movement")])
     facts = later(READY, FREE.countdown)
-    w, orders = wizard.tick(w, facts)
+    w, orders = wizard_machine.tick(w, facts)
     assert (w.state, kinds(orders)) == (State.FREE_RUN, [("watch_free", "")])
     facts = later(facts, 40.0 + LATE + 0.01)
-    w, orders = wizard.tick(w, facts)
+    w, orders = wizard_machine.tick(w, facts)
     return w, facts, list(orders)
 
 
@@ -44,37 +46,37 @@ def test_from_the_tasks_through_free_movement_to_the_pose_that_brings_it_into_fo
     w, facts, orders = moved(ready())
     assert (w.state, kinds(orders)) == (State.FREE_WORK, [("cue", "rest"), ("solve_free", "free_movement")])
     assert orders[1].end - orders[1].onset == pytest.approx(40.0)
-    w = wizard.solved(w, facts)
+    w = wizard_machine.solved(w, facts)
     assert w.state is State.FREE_REVIEW
     assert told_of(w, facts)["title"] == "Use what was found?"
-    w, orders = wizard.act(w, Act.USE, facts)
+    w, orders = wizard_machine.act(w, Act.USE, facts)
     assert (w.state, w.closing, kinds(orders)) == (State.POSE_READY, True, [("use_free", ""), ("cue", "initial_pose")])
 
 
 def test_what_was_found_may_be_left_or_done_again_and_a_computation_cancelled() -> None:
     w, facts, _ = moved(ready())
-    left, orders = wizard.act(w, Act.STOP, facts)
+    left, orders = wizard_machine.act(w, Act.STOP, facts)
     assert (left.state, kinds(orders)) == (State.FREE_READY, [("leave_free", "")])
-    assert wizard.solved(left, facts) is left, "nobody waits for it any more"
-    w = wizard.solved(w, facts)
-    assert wizard.act(w, Act.STOP, facts)[0].state is State.TASKS
-    again, orders = wizard.act(w, Act.REDO, facts)
+    assert wizard_machine.solved(left, facts) is left, "nobody waits for it any more"
+    w = wizard_machine.solved(w, facts)
+    assert wizard_machine.act(w, Act.STOP, facts)[0].state is State.TASKS
+    again, orders = wizard_machine.act(w, Act.REDO, facts)
     assert (again.state, orders[0].reason) == (State.FREE_READY, "redone")
 
 
 def test_a_movement_that_told_nothing_goes_back_with_the_reason() -> None:
     w, facts, _ = moved(ready())
-    w = wizard.unsolved(w, facts, "the fingers hardly moved")
+    w = wizard_machine.unsolved(w, facts, "the fingers hardly moved")
     assert (w.state, told_of(w, facts)["message"]) == (State.FREE_READY, "the fingers hardly moved")
 
 
 def test_it_is_enough_when_a_person_says_so() -> None:
-    w, _ = wizard.act(ready(), Act.START, READY)
+    w, _ = wizard_machine.act(ready(), Act.START, READY)
     facts = later(READY, FREE.countdown)
-    w, _ = wizard.tick(w, facts)
+    w, _ = wizard_machine.tick(w, facts)
     with pytest.raises(NotNowError):
-        wizard.act(ready(), Act.ENOUGH, READY)
-    w, orders = wizard.act(w, Act.ENOUGH, later(facts, 13.0))
+        wizard_machine.act(ready(), Act.ENOUGH, READY)
+    w, orders = wizard_machine.act(w, Act.ENOUGH, later(facts, 13.0))
     assert w.state is State.FREE_WORK
     assert orders[1].end - orders[1].onset == pytest.approx(13.0)
 
@@ -118,7 +120,7 @@ def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     station._wizard = w
     station._do(orders, facts)
     station.free.found = found()
-    station._wizard = wizard.solved(w, facts)
+    station._wizard = wizard_machine.solved(w, facts)
     station.act(act)
     (event,) = kept.values()
     assert event is not None
@@ -147,4 +149,4 @@ def test_a_computation_that_dies_or_lasts_too_long_is_told() -> None:
     work._process.kill()
     work._process.join()
     work.look()
-    assert work.refusal == solving.ENDED
+    assert work.refusal == self_calibration.ENDED

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handscope.app.live.curve import LENGTH
 from handscope.app.live.setup import Setup
 from handscope.app.live.station import Station
-from handscope.app.live.wizard import State
+from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
-from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS
-from handscope.estimators.hand_geometry import sized
+from handscope.app.results.quantity_curve import LENGTH
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import METHODS
-from handscope.estimators.trajectory import Trajectory
-from tests.app.live.test_wizard import READY
+from tests.app.live.wizard.test_machine import READY
 
 RATE = 100.0  # Hz
 TAPS = 2.5  # Hz

@@ -10,19 +10,20 @@ from handscope.app import protocols
 from handscope.app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, SimulatedPerson, layout
 from handscope.app.language import Language, languages
 from handscope.app.live.ghost import angles_of
-from handscope.app.live.telling import LEAST
+from handscope.app.live.snapshot import LEAST
 from handscope.app.protocols import TURN, Protocol, groups, load_all, offered, protocol_of, read
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import MEASURES, repetitions
 from handscope.estimators.measures.forearm_rotation import palm_turn
-from handscope.estimators.simulation import kinematics, tasks
-from handscope.estimators.simulation.assessment import RANGES
-from handscope.estimators.simulation.grasp import Hold, between
+from handscope.estimators.simulation import kinematics
 from handscope.estimators.simulation.motion import COORDINATES
+from handscope.estimators.simulation.movements import task_performance
+from handscope.estimators.simulation.movements.assessment_tasks import RANGES
+from handscope.estimators.simulation.movements.grasp_postures import Hold, between
 from handscope.estimators.simulation.sensors import IDEAL
 
 GOOD = {"name": "x", "title": "X", "instruction": "Do x.", "group": "g", "duration": 5.0, "curve": "aperture", "order": 1}
@@ -45,7 +46,7 @@ GROUPS = [
     "repeatability",
 ]
 POWERGLOVE = [p for p in ALL.values() if p.group == "powerglove"]
-IN_TIME = [p for p in ALL.values() if p.cue in tasks.IN_STEP]
+IN_TIME = [p for p in ALL.values() if p.cue in task_performance.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
@@ -92,7 +93,7 @@ def test_the_repeatability_protocol_holds_6_s_and_6_s_ten_times_in_ten_trials_a_
 @pytest.mark.parametrize("p", IN_TIME, ids=lambda p: p.name)
 def test_the_virtual_patient_begins_with_the_task_and_does_what_its_file_asks_for(p: Protocol) -> None:
     lead = p.countdown - BRIDGE
-    performance = tasks.TASKS[p.cue](sized("left"), lead=lead)
+    performance = task_performance.TASKS[p.cue](sized("left"), lead=lead)
     event = performance.events[0]
     assert (event.trial_type, event.details["task_name"], event.onset) == ("task", p.cue, lead)
     assert p.length is None or event.duration == pytest.approx(p.length, abs=1e-6)
@@ -249,7 +250,7 @@ def test_every_language_says_every_task(one: Language) -> None:
 
 def test_the_palm_turn_is_0_palm_down_and_150_palm_up_on_either_hand() -> None:
     for hand in HANDS:
-        person = tasks.TASKS["rom_forearm"](sized(hand))
+        person = task_performance.TASKS["rom_forearm"](sized(hand))
         t = np.array([1.0, 3.4])
         k = kinematics.truth(kinematics.of_motion(person.motion, sized(hand), t), hand)
         np.testing.assert_allclose(np.degrees(palm_turn(k)), [0.0, 150.0], atol=1e-6)

@@ -9,21 +9,24 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from handscope.app.live.hand_trail import PARAMS as LOOKS
-from handscope.app.live.hand_trail import REACH
+from handscope.app.live.readouts.hand_trail import PARAMS as LOOKS
+from handscope.app.live.readouts.hand_trail import REACH
 from handscope.app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
-from handscope.estimators import hand_filter, initial_pose, processing, trajectory
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.alignment.functional_movements import STEPS
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.samples import Block, Event, joined
+from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.functional_steps import STEPS
-from handscope.estimators.hand_anatomy import SEGMENT
+from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
-from handscope.estimators.samples import Block, Event, joined
-from handscope.estimators.simulation import functional, tasks
+from handscope.estimators.orientation import zupt_navigation
+from handscope.estimators.pipeline import process as pipeline_process
+from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.person import drawn
 from handscope.estimators.simulation.scenario import performed
-from handscope.estimators.trajectory import Flag, Trajectory
 from tests.app.devices.virtual import wait_for
-from tests.estimators.functional import ANYHOW
+from tests.estimators.alignment.functional import ANYHOW
 from tests.simulated import INSTANT, in_strips, strips_of, tracked
 
 PARAMS = INSTANT
@@ -101,8 +104,8 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
     assert watched.calibration is not None and recording.samples["hand"].t[-1] - watched.calibration.t > REACH
     assert len(shown) > 20 and len(trail) == pytest.approx(100, abs=2)
     np.testing.assert_array_equal(trail[-1], 0.0)
-    start = hand_filter.start(LOOKS, watched.calibration)
-    _, path = hand_filter.step(LOOKS, start, recording.samples["hand"].between(watched.calibration.t, np.inf))
+    start = zupt_navigation.start(LOOKS, watched.calibration)
+    _, path = zupt_navigation.step(LOOKS, start, recording.samples["hand"].between(watched.calibration.t, np.inf))
     np.testing.assert_allclose(trail, path.p[-len(trail) :] - path.p[-1], atol=1e-9)
     assert 0 < np.ptp(trail, axis=0).max() < 0.05  # fingers wiggle, the hand stays
     np.testing.assert_allclose(asked_at_last, trail, atol=2e-3)
@@ -191,9 +194,9 @@ def test_a_sensor_mounted_wrong_is_among_the_warnings_of_the_calibration() -> No
 def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch_run_of_the_recording_finds() -> None:
     rng = np.random.default_rng(3)
     person = drawn("left", rng)
-    pose, steps = tasks.initial_pose(person.true), functional.all_steps(person.true, rng)
+    pose, steps = task_performance.initial_pose(person.true), functional_calibration.all_steps(person.true, rng)
     recording = strips_of(
-        performed([pose, *steps, pose, tasks.tapping(person.true, 3.0)], "left", person.true, rng, ANYHOW, known=person.told)
+        performed([pose, *steps, pose, task_performance.tapping(person.true, 3.0)], "left", person.true, rng, ANYHOW, known=person.told)
     )
     tracking = Tracking(m2, m2.Params(), "left", recording.geometry, lambda rows: None)
     fed, found = 0, {}
@@ -217,7 +220,7 @@ def test_a_functional_calibration_in_force_from_the_next_pose_on_is_what_a_batch
             wait_for(lambda blocks=blocks: tracking.newest_sample() >= max(float(b.t[-1]) for b in blocks))
         tracking.drain()
         shown = tracking.past(calibration.t)
-    batch = processing.process(m2, m2.Params(), recording)
+    batch = pipeline_process.process(m2, m2.Params(), recording)
     assert set(calibration.steps) == set(STEPS) == set(batch.calibrations[-1].steps)
     assert not any(piece.problems for piece in found.values())
     for segment, q_BS in batch.calibrations[-1].q_BS.items():
@@ -264,7 +267,7 @@ def test_without_any_calibration_every_row_is_flagged_live_and_in_batch_and_they
         tracking.drain()
         shown = tracking.past(guess.t)
     event = Event(guess.t, guess.end - guess.t + 1e-6, "annotation", {"calibration": "none"})
-    batch = processing.process(m2, PARAMS, replace(recording, events=(event,)))
+    batch = pipeline_process.process(m2, PARAMS, replace(recording, events=(event,)))
     assert batch.calibrations[0].source == guess.source == "none"
     assert any("nothing was calibrated" in w for w in batch.warnings)
     same = batch.trajectory.between(float(shown.t[0]), float(shown.t[-1]) + 1e-6)
@@ -291,13 +294,17 @@ def test_a_sensor_found_at_fault_flags_its_rows_live_from_the_calibration_on() -
 def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_first() -> None:
     person = drawn("left", np.random.default_rng(4)).true
     rng = np.random.default_rng(4)
-    pose, again, moved = tasks.initial_pose(person), tasks.initial_pose(person), tasks.fist_and_stretch(person, 1)
-    slipped = functional.missed(tasks.flat(), 6.0, rng)  # the second pose is another one
-    again = tasks.initial_pose(person, taken=slipped)
+    pose, again, moved = (
+        task_performance.initial_pose(person),
+        task_performance.initial_pose(person),
+        task_performance.fist_and_stretch(person, 1),
+    )
+    slipped = functional_calibration.missed(task_performance.flat(), 6.0, rng)  # the second pose is another one
+    again = task_performance.initial_pose(person, taken=slipped)
     made = strips_of(performed([pose, moved, again, moved], "left", person, rng, ANYHOW))
     _, second = (e for e in made.events if e.trial_type == "initial_pose")
-    one = processing.process(m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second)))
-    both = processing.process(m2, PARAMS, made)
+    one = pipeline_process.process(m2, PARAMS, replace(made, events=tuple(e for e in made.events if e is not second)))
+    both = pipeline_process.process(m2, PARAMS, made)
     assert [c.source for c in both.calibrations] == ["initial pose"] * 2
     t = both.calibrations[1].t
     np.testing.assert_array_equal(both.trajectory.between(0.0, t).angles, one.trajectory.between(0.0, t).angles)

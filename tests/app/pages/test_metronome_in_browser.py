@@ -10,10 +10,10 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 from handscope import static
 from handscope.app.api import languages
-from handscope.app.live import wizard
-from handscope.app.live.telling import told_of
-from handscope.app.live.wizard import Act, Facts, State, Wizard
-from tests.app.live.test_wizard import READY, at, later
+from handscope.app.live.snapshot import told_of
+from handscope.app.live.wizard import machine as wizard
+from handscope.app.live.wizard.machine import Act, Facts, State, Wizard
+from tests.app.live.wizard.test_machine import READY, at, later
 from tests.app.scene.small_site import eventually
 
 pytestmark = pytest.mark.browser

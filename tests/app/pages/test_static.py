@@ -83,7 +83,7 @@ def test_modules_make_no_markup_from_text_and_load_nothing_from_elsewhere(path: 
 
 
 def test_the_login_page_needs_only_what_is_served_without_a_login() -> None:
-    from handscope.app.api.access import OPEN_FILES, OPEN_FOLDERS
+    from handscope.app.auth.gate import OPEN_FILES, OPEN_FOLDERS
 
     page = ROOT / "login"
     needed = re.findall(r"(?:src|href)=\"([^\"]+)\"", (page / "index.html").read_text("utf-8"))

@@ -13,11 +13,12 @@ from playwright.sync_api import Browser
 from handscope.app.language import ENGLISH, languages
 from handscope.app.protocols import load_all
 from handscope.app.replay_file import FULL, RATE, Chapter, chapters, replay_file, thinned
-from handscope.app.scene import bones, postures, view
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import JOINT, JOINTS
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.samples import Event
+from handscope.app.scene import postures, view
+from handscope.app.scene.mesh import bones
+from handscope.estimators.data.samples import Event
+from handscope.estimators.hand.anatomy import JOINT, JOINTS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
 from tests.browser import UNDRAWN
 
 GEOMETRY = sized("left")

@@ -10,15 +10,15 @@ import numpy as np
 
 from handscope.app.protocols import load_all
 from handscope.app.report.content import Content, Visit, content
-from handscope.estimators.hand_anatomy import SEGMENTS, Hand
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.anatomy import SEGMENTS, Hand
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.methods import m2
-from handscope.estimators.processing import Processed, process
-from handscope.estimators.samples import Block
+from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.sessions.recording import LoadedRecording
+from handscope.sessions.files.recording import LoadedRecording
 
 ROM = ("rom_fist", "rom_spread", "rom_thumb", "rom_wrist")
 NORMAL = ("initial_pose", *ROM, "tapping")

@@ -7,9 +7,9 @@ import pytest
 
 from handscope.app.language import language, languages
 from handscope.app.report.advice import ADVICE, advice
-from handscope.app.report.other_measures import other_measures
-from handscope.estimators.trajectory import FORCE_WORDS, PLACE_WORDS, PlaceFlag
-from tests.app.report.test_other_measures import trial
+from handscope.app.report.sections.other_measures import other_measures
+from handscope.estimators.data.trajectory import FORCE_WORDS, PLACE_WORDS, PlaceFlag
+from tests.app.report.sections.test_other_measures import trial
 
 ENGLISH = language("en")
 CARRIED = "part of the load does not change with the acceleration: something not measured carries the object"

@@ -9,16 +9,16 @@ import numpy as np
 import orjson
 import pytest
 
-from handscope.app.api.readings import readings
+from handscope.app.api.result_view import readings
 from handscope.app.language import ENGLISH
 from handscope.app.protocols import load_all
 from handscope.app.report import FORMS, Style
 from handscope.app.report.changes import Changes, changes
 from handscope.app.report.content import Content
 from handscope.app.report.units import DEG
-from handscope.app.results import _task, figure_rows
-from handscope.sessions.repeatability import Comparison, Key, Values, values
-from handscope.sessions.tables import Repeatability
+from handscope.app.results.make import _task, figure_rows
+from handscope.sessions.clinic.repeatability import Comparison, Key, Values, values
+from handscope.sessions.db.tables import Repeatability
 from tests.app.report.simulated_sessions import NORMAL, report, session
 from tests.app.report.test_pdf import pages, text_of
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from handscope.app.protocols import load_all
 from handscope.app.report.content import CURVE_POINTS
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENTS
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENTS
 from handscope.estimators.methods import m2
 from tests.app.report.simulated_sessions import CHECKSUM, ROM, VISIT, gap_in_the_little_finger, report, session
 

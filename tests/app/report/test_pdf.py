@@ -14,10 +14,10 @@ from handscope.app.report import FORMS, Style
 from handscope.app.report.content import Content
 from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
+from handscope.estimators.data.samples import Event
 from handscope.estimators.measures import tapping
 from handscope.estimators.measures.assessment import assess
 from handscope.estimators.methods import m2
-from handscope.estimators.samples import Event
 from tests.app.report.simulated_sessions import CHECKSUM, NORMAL, ROM, VISIT, gap_in_the_little_finger, report, session
 
 NASTY = "Łódź <b>x</b> & #let $x^2$ *y* _z_ @ref \\ `r` -- ... \"q\" 'p' [l](m) {n} //c /*d*/ Ελ Кир עב"

@@ -8,8 +8,8 @@ import pytest
 from handscope.app.protocols import load_all
 from handscope.app.report.progress import Progress, Series, progress
 from handscope.app.report.units import DEG
-from handscope.sessions.repeatability import Key, Occasion, Visited
-from handscope.sessions.tables import Repeatability
+from handscope.sessions.clinic.repeatability import Key, Occasion, Visited
+from handscope.sessions.db.tables import Repeatability
 
 MAY = datetime(2026, 5, 12, 9, tzinfo=UTC)
 PIP: Key = ("range_of_motion", "rom_fist", "index_pip_flexion_max")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from handscope.app.report.references import FILE, Reference, references, smallest_change, smallest_change_of_rate
-from handscope.estimators.hand_anatomy import ANGLES, JOINT, JOINTS
+from handscope.estimators.hand.anatomy import ANGLES, JOINT, JOINTS
 
 
 @pytest.mark.parametrize("reference", references(), ids=lambda r: f"{r.joint}-{r.angle}-{r.end}")

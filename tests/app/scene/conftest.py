@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from handscope.app.scene.hand_scene import HandScene
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand.geometry import sized
 from tests.app.scene.small_site import Site, site
 
 

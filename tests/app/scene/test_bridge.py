@@ -10,12 +10,13 @@ import zstandard
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from handscope.app.scene import bones, bridge, postures
+from handscope.app.scene import bridge, postures
 from handscope.app.scene.bridge import PROTOCOL
 from handscope.app.scene.hand_scene import HandScene
-from handscope.estimators.hand_anatomy import JOINT
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.quaternions import Array
+from handscope.app.scene.mesh import bones
+from handscope.estimators.hand.anatomy import JOINT
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics.quaternions import Array
 from tests.app.scene.small_site import COOKIE, WAIT, Site, eventually, site
 
 

@@ -13,9 +13,9 @@ from playwright.sync_api import Browser, Page
 
 from handscope.app.scene import postures, view
 from handscope.app.scene.hand_scene import HandScene
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import FINGERS, JOINT
-from handscope.estimators.simulation import tasks
+from handscope.estimators.hand.anatomy import FINGERS, JOINT
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.simulation.movements import task_performance
 from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
 
 pytestmark = pytest.mark.browser
@@ -141,7 +141,7 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
         resized(page, SIZES[size])
         scene.show(postures.relaxed(), None)
         resting = settled(page, hand_like, tmp_path / f"resting-{size}.png")  # the first pictures are darker: its light is still to come
-        scene.show(postures.angles_of(tasks.spread()), None)
+        scene.show(postures.angles_of(task_performance.spread()), None)
         more = 1.1 * resting.share(resting.skin)
         wider = 1.2 * np.ptp(np.nonzero(resting.skin)[1])  # light alone makes more skin, not a wider hand
         spread = lambda p: hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023, E731
@@ -160,7 +160,7 @@ def test_left_and_right_are_told_apart(page: Page, browser: Browser, scene: Hand
     with site(right_scene) as other:
         right_page = opened(browser, other)
         for name, each, where in (("left", scene, page), ("right", right_scene, right_page)):
-            each.show(postures.angles_of(tasks.flat()), None)
+            each.show(postures.angles_of(task_performance.flat()), None)
             flat = settled(where, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, tmp_path / f"{name}.png")
             columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
             sides[name] = columns.max() + columns.min()  # the thumb reaches out
@@ -179,7 +179,7 @@ def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     before = len(served.sockets)
     scene._server._websock_server.disconnect_all_clients()
     eventually(lambda: len(served.sockets) > before)
-    scene.show(postures.angles_of(tasks.spread()), None)
+    scene.show(postures.angles_of(task_performance.spread()), None)
     seen(page, lambda p: hand_like(p) and p.share(p.skin) > 1.1 * resting.share(resting.skin), tmp_path / "again.png")
     assert failures == []
 
@@ -204,7 +204,7 @@ def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(bro
 
 def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, tmp_path: Path) -> None:
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) < 1e-4)
-    scene.ghost(postures.angles_of(tasks.flat()))
+    scene.ghost(postures.angles_of(task_performance.flat()))
     seen(page, lambda p: hand_like(p) and p.share(p.ghost) > 0.004, tmp_path / "ghost.png")
     bent = postures.relaxed()
     bent[JOINT["wrist"]] = [-0.7, 0, 0]
@@ -215,7 +215,7 @@ def test_the_ghost_comes_in_another_hue_and_goes(page: Page, scene: HandScene, t
 
 
 def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path: Path) -> None:
-    scene.show(postures.angles_of(tasks.flat()), None)
+    scene.show(postures.angles_of(task_performance.flat()), None)
     where = {}
     for segment in ("index_middle", "little_middle", "thumb_distal"):
         scene.highlight(segment)
@@ -227,7 +227,7 @@ def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path:
 
 
 def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tmp_path: Path) -> None:
-    scene.show(postures.angles_of(tasks.flat()), None)
+    scene.show(postures.angles_of(task_performance.flat()), None)
     whole = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[0]) > 155, tmp_path / "whole.png")
     scene.measured(["thumb"])
     seen(page, lambda p: np.ptp(np.nonzero(p.skin)[0]) < 0.8 * np.ptp(np.nonzero(whole.skin)[0]), tmp_path / "pale.png")
@@ -235,9 +235,9 @@ def test_fingers_that_are_not_measured_are_pale(page: Page, scene: HandScene, tm
 
 def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: Path) -> None:
     level = view.palm_down("left")
-    scene.show(postures.angles_of(tasks.flat()), level)
+    scene.show(postures.angles_of(task_performance.flat()), level)
     flat = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105)
-    scene.show(postures.angles_of(tasks.flat()), quat.multiply(quat.about(1, np.pi), level))
+    scene.show(postures.angles_of(task_performance.flat()), quat.multiply(quat.about(1, np.pi), level))
     thumb = np.nonzero(flat.skin)[1].max() - QUICK[0] / 2
     seen(page, lambda p: QUICK[0] / 2 - np.nonzero(p.skin)[1].min() > 0.8 * thumb, tmp_path / "palm-up.png")
 

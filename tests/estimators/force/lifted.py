@@ -6,19 +6,20 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.methods import m2
-from handscope.estimators.processing import Processed, process
-from handscope.estimators.simulation import functional, held_object, kinematics, person, tasks
+from handscope.estimators.pipeline.process import Processed, process
+from handscope.estimators.simulation import kinematics, person
 from handscope.estimators.simulation.force_sensors import ForceErrors
+from handscope.estimators.simulation.movements import functional_calibration, object_dynamics, task_performance
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import ForceGlove, Simulated, performed
 from handscope.estimators.simulation.sensors import PRESETS
-from handscope.estimators.simulation.tasks import Performance
 
 POSE = 2.5  # deg by which every freedom of the initial pose may be missed
 
 
 def done(
     seed: int,
-    perform: Callable[..., Performance] = held_object.lift,
+    perform: Callable[..., Performance] = object_dynamics.lift,
     rate: float = 12.0,
     errors: ForceErrors | None = None,
     six_axes: bool = False,
@@ -27,7 +28,7 @@ def done(
     """The recording, and the true forces (n, 5, 3) N in the global frame at the instants of its truth."""
     of_person, of_pose, of_motion, of_sensors = np.random.default_rng(seed).spawn(4)
     somebody = person.drawn("left", of_person)
-    pose = tasks.initial_pose(somebody.true, taken=functional.missed(tasks.flat(), POSE, of_pose))
+    pose = task_performance.initial_pose(somebody.true, taken=functional_calibration.missed(task_performance.flat(), POSE, of_pose))
     task = perform(somebody.true, of_motion, **how)
     glove = ForceGlove(rate=rate, errors=errors or ForceErrors(), six_axes=six_axes)
     preset = PRESETS["LSM330DLC/HMC5983"]

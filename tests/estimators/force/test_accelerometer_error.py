@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.force import accelerometer_error
-from handscope.estimators.hand_anatomy import CHAINS
-from handscope.estimators.samples import Block, Stream
+from handscope.estimators.hand.anatomy import CHAINS
 
 SENSORS = ("hand", *CHAINS["thumb"], *CHAINS["index"])
 

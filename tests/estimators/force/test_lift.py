@@ -7,19 +7,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from handscope.estimators.data.samples import FORCE, TORQUE, Block
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.force.fingertip_forces import ForceParams
-from handscope.estimators.force.holding import Holding
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.measures import in_hand, lift
+from handscope.estimators.force.grasp_phases import Holding
+from handscope.estimators.measures import lift, object_frame
 from handscope.estimators.measures.lift import Lift
-from handscope.estimators.processing import Processed
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import FORCE, TORQUE, Block
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.simulation.force_sensors import ForceErrors
-from handscope.estimators.simulation.held_object import Mishap
+from handscope.estimators.simulation.movements.object_dynamics import Mishap
 from handscope.estimators.simulation.scenario import Simulated
-from handscope.estimators.trajectory import Trajectory
 from tests.estimators.force.lifted import done, followed
 
 Change = Callable[[Array, Array], Array]
@@ -297,14 +297,14 @@ def test_work_is_done_against_gravity_and_inertia_in_all_directions() -> None:
 def test_while_it_is_held_up_the_mass_is_told_so_far_and_its_curve_ends_where_the_figure_does() -> None:
     (made, _), moved = heavy(), heavy_moved().trajectory
     event = next(e for e in made.events if e.trial_type == "task")
-    assert in_hand.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None  # still on the table
-    so_far = in_hand.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
+    assert object_frame.mass(moved.between(0.0, event.onset + 0.8), made.geometry) is None  # still on the table
+    so_far = object_frame.mass(moved.between(0.0, event.onset + 3.8), made.geometry)
     assert so_far is not None
     assert so_far.t[-1] == pytest.approx(event.onset + 3.8, abs=0.05)
     assert so_far.value[-1] == pytest.approx(0.44, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 0.08
     for later in (6.4, 6.8, 7.2):  # on its way down, back on the table, let go
-        told = in_hand.mass(moved.between(0.0, event.onset + later), made.geometry)
+        told = object_frame.mass(moved.between(0.0, event.onset + later), made.geometry)
         assert told is not None and told.value[-1] == pytest.approx(0.44, abs=2.5 * told.sd[-1]), later
     whole = lift.measure(lift.Params(), moved, event.onset, event.end)
     curves = {c.name: c for c in lift.shown(whole).curves}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.force import balance, contact, fingertip_torques, identification, interpolation, tip_orientation, zero
+from handscope.estimators.force import contact, fingertip_torques, force_balance, identification, interpolation, tip_orientation, zero
 from handscope.estimators.force.tip_orientation import TipParams, Tips
-from handscope.estimators.quaternions import Array
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
 
 DEG = np.pi / 180
 
@@ -262,7 +262,7 @@ def pushing(share: float) -> tuple[float, float]:
     force[:, 0], force[:, 1] = [6.0, 0.0, 2.0], [-6.0 * (1 - share), 0.0, 2.0]
     acc = np.tile([0.0, 0.0, 9.81], (50, 2, 1))
     turns = np.tile(np.eye(6) * 0.05**2, (50, 1, 1))
-    return balance.rest_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
+    return force_balance.rest_along_push(force, acc, turns, np.full((50, 2), 0.05), 0.02)
 
 
 def test_what_a_third_finger_carries_is_left_along_the_push_and_turned_tips_do_not_hide_it() -> None:

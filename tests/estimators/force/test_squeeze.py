@@ -6,22 +6,22 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handscope.estimators.force import exchange, frequency_response
-from handscope.estimators.hand_anatomy import FLEXION, JOINT
-from handscope.estimators.measures import in_hand, squeeze
+from handscope.estimators.data.samples import Block
+from handscope.estimators.data.trajectory import ForceFlag, Trajectory
+from handscope.estimators.force import frequency_response, load_exchange
+from handscope.estimators.hand.anatomy import FLEXION, JOINT
+from handscope.estimators.measures import object_frame, squeeze
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.samples import Block
-from handscope.estimators.simulation import held_object
-from handscope.estimators.simulation.held_object import Mishap
+from handscope.estimators.simulation.movements import object_dynamics
+from handscope.estimators.simulation.movements.object_dynamics import Mishap
 from handscope.estimators.simulation.scenario import Simulated
-from handscope.estimators.trajectory import ForceFlag, Trajectory
 from tests.estimators.force.lifted import done, followed
 
 
 @cache
 def spring(seed: int) -> tuple[Simulated, np.ndarray]:
     """0.6 N/mm, squeezed eight times."""
-    return done(seed, held_object.squeeze, stiffness=600.0)
+    return done(seed, object_dynamics.squeeze, stiffness=600.0)
 
 
 @cache
@@ -52,7 +52,7 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
         assert f["squeeze_coherence"].value > 0.95
         assert 0.7 < f["squeeze_force_bandwidth"].value < 6.0  # squeezed every 1.2 s, read at 12 Hz
         assert all(np.isfinite(one.value) for one in f.values())  # a spring answers as far as it is pushed: that is no figure that lacks
-    so_far = in_hand.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
+    so_far = object_frame.stiffness(moved.between(0.0, made.events[-1].onset + 7.0), made.geometry)
     assert so_far is not None and so_far.value[-1] == pytest.approx(600.0, abs=2.5 * so_far.sd[-1])
     assert so_far.sd[-1] < 120.0
     assert np.mean(off) < 0.08
@@ -61,7 +61,7 @@ def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
 
 @cache
 def damped() -> tuple[Simulated, Trajectory]:
-    made, _ = done(1, held_object.squeeze, stiffness=400.0, damping=60.0)
+    made, _ = done(1, object_dynamics.squeeze, stiffness=400.0, damping=60.0)
     return made, followed(made).trajectory
 
 
@@ -124,7 +124,7 @@ def test_forces_that_were_not_read_have_no_tops() -> None:
 
 
 def test_with_a_third_finger_no_stiffness_is_told() -> None:
-    made, _ = done(2, held_object.squeeze, mishap=Mishap(third=0.4))
+    made, _ = done(2, object_dynamics.squeeze, mishap=Mishap(third=0.4))
     K = figures(made)["squeeze_stiffness"]
     assert np.isnan(K.value)
     assert K.grade == "poor"
@@ -132,7 +132,7 @@ def test_with_a_third_finger_no_stiffness_is_told() -> None:
 
 
 def test_a_third_finger_that_takes_a_fifth_makes_the_stiffness_as_unsure_as_it_is_wrong() -> None:
-    made, _ = done(5, held_object.squeeze, mishap=Mishap(third=0.2))
+    made, _ = done(5, object_dynamics.squeeze, mishap=Mishap(third=0.2))
     K = figures(made)["squeeze_stiffness"]
     assert "another finger or something else" in K.reason
     assert K.sd
@@ -192,9 +192,9 @@ def test_power_and_work_of_lifting_and_of_turning() -> None:
     t = np.linspace(0.0, 2.0, 201)
     forces, v = np.tile([[[0.0, 0.0, 3.0], [0.0, 0.0, 1.0]]], (201, 1, 1)), np.zeros((201, 2, 3))
     v[:, :, 2] = (0.25 * (1 - np.cos(np.pi * t)))[:, None]
-    assert exchange.work(t, exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
+    assert load_exchange.work(t, load_exchange.power(forces, v))[-1] == pytest.approx(4.0 * 0.5, rel=1e-4)
     turn = np.tile([[[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]], (201, 1, 1))
-    assert exchange.work(t, exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
+    assert load_exchange.work(t, load_exchange.power(forces, v * 0, turn, turn * 0 + 3.0))[-1] == pytest.approx(0.2 * 3.0 * 2.0)
 
 
 def test_a_joint_beyond_the_model_is_said_and_the_stiffness_is_less_sure() -> None:

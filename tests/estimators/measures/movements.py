@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from handscope.estimators.hand_anatomy import FINGERS, JOINTS, SEGMENTS, Hand
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS, Hand
 from handscope.estimators.measures.synchronisation import Signal
-from handscope.estimators.quaternions import Array
-from handscope.estimators.trajectory import Trajectory
+from handscope.estimators.numerics.quaternions import Array
 
 Movement = Callable[[Array], Array]  # s -> (n, channels) rad
 

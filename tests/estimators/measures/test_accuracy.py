@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.calibration import Calibration, SensorQuality
-from handscope.estimators.hand_anatomy import JOINT, JOINTS, SEGMENT
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data.calibration import Calibration, SensorQuality
+from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.hand.anatomy import JOINT, JOINTS, SEGMENT
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures.accuracy import ANGLE, ANGLE_UNPOSED, CMC, DEG, OWN, TIP, accuracy_of, with_sd
-from handscope.estimators.trajectory import Flag
 from tests.estimators.measures.trajectories import made
 
 

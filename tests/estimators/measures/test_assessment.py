@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data.options import describe
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Flag, empty
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import MEASURES
-from handscope.estimators.measures.asked import Asked
 from handscope.estimators.measures.assessment import assess, measures_of
 from handscope.estimators.measures.figure import grade_of
-from handscope.estimators.options import describe
-from handscope.estimators.samples import Event
+from handscope.estimators.measures.task_request import Asked
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.estimators.trajectory import Flag, empty
 from tests.simulated import pose_and_wiggle
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handscope.estimators.hand_anatomy import FINGERS, SEGMENT, SEGMENTS
+from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, SEGMENT, SEGMENTS
 from handscope.estimators.measures.comparison import TIPS, WHOLE, Agreement, agreements, gyroscope_consistency, paired, shared, stretches
-from handscope.estimators.samples import ACC, GYR, Block, Event, Stream
-from handscope.estimators.trajectory import Flag, Trajectory
 from tests.estimators.measures.movements import movement, moving
 from tests.simulated import DEG, pose_and_wiggle, tracked
 

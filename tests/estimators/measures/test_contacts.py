@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import pinch, self_check
-from handscope.estimators.measures.asked import Asked, Mark
 from handscope.estimators.measures.contacts import contacts_of, errors
-from handscope.estimators.simulation import held
+from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.simulation.movements import static_hold
+from handscope.estimators.simulation.movements.task_performance import initial_pose
 from handscope.estimators.simulation.scenario import performed
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.estimators.simulation.tasks import initial_pose
 from tests.estimators.measures.trajectories import by_name, made
 
 
 @pytest.mark.parametrize(
     ("name", "perform", "pairs"),
     [
-        ("selfcheck_p1", held.spacer_thumb_index, ["thumb_index"]),
-        ("selfcheck_p2", held.spacer_index_middle, ["index_middle"]),
-        ("selfcheck_p4", held.block, ["thumb_index", "thumb_middle", "index_middle"]),
+        ("selfcheck_p1", static_hold.spacer_thumb_index, ["thumb_index"]),
+        ("selfcheck_p2", static_hold.spacer_index_middle, ["index_middle"]),
+        ("selfcheck_p4", static_hold.block, ["thumb_index", "thumb_middle", "index_middle"]),
     ],
 )
 def test_what_is_truly_held_has_no_error(name: str, perform: object, pairs: list[str]) -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS
 from handscope.estimators.measures import independence
-from handscope.estimators.measures.asked import Asked, Mark
 from handscope.estimators.measures.independence import Params, of_sums
+from handscope.estimators.measures.task_request import Asked, Mark
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_anatomy import JOINT, JOINTS, Hand, side_sign
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.hand.anatomy import JOINT, JOINTS, Hand, side_sign
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import kapandji
-from handscope.estimators.measures.asked import Asked, Mark
 from handscope.estimators.measures.kapandji import Params, distances, landmarks, score_of
+from handscope.estimators.measures.task_request import Asked, Mark
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.estimators.measures.trajectories import by_name, made

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from handscope.estimators import trajectory
-from handscope.estimators.hand_anatomy import DOF_NAMES, JOINT, SEGMENT, SEGMENTS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import DOF_NAMES, JOINT, SEGMENT, SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import range_of_motion
 from handscope.estimators.measures.range_of_motion import Params, Range
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.estimators.trajectory import Flag, Trajectory
 from tests.simulated import DEG
 
 RATE = 100.0

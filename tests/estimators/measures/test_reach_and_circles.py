@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import circles, reach
-from handscope.estimators.measures.asked import Asked, Mark
 from handscope.estimators.measures.reach import Params
+from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.data.trajectory import PlaceFlag, Trajectory
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import reach, reach_place, trunk_displacement
-from handscope.estimators.measures.asked import Asked, Mark
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.trajectory import PlaceFlag, Trajectory
+from handscope.estimators.measures.task_request import Asked, Mark
+from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
 T = np.arange(0, 8, 0.01)

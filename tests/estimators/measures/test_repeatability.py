@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import DOF_NAMES
+from handscope.estimators.hand.anatomy import DOF_NAMES
 from handscope.estimators.measures.repeatability import held_angles, reliability, spread, within
 from tests.estimators.measures.movements import moving
 from tests.simulated import DEG

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from handscope.estimators import trajectory
-from handscope.estimators.hand_anatomy import JOINTS, SEGMENT, SEGMENTS
-from handscope.estimators.hand_geometry import sized
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.hand.anatomy import JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import tapping
 from handscope.estimators.measures.tapping import Params, Tapping
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL
-from handscope.estimators.trajectory import Flag, Trajectory
 
 RATE, ONSET = 200.0, 1.0
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import FINGERS
+from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.measures.tip_errors import brought, centre_of_rotation, tip_errors
 
 T = np.arange(0, 20, 0.02)

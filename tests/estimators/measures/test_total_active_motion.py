@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, JOINTS, SEGMENT
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, SEGMENT
 from handscope.estimators.measures import total_active_motion
 from handscope.estimators.measures.total_active_motion import Motion, Params, graded_as, strickland
-from handscope.estimators.trajectory import Flag, Trajectory
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handscope.estimators import quaternions as quat
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import tremor
 from handscope.estimators.measures.tremor import NO_PEAK, Params
+from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
 DEG = np.pi / 180

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators import trajectory
-from handscope.estimators.hand_anatomy import JOINTS, SEGMENTS, Hand
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import JOINTS, SEGMENTS, Hand
 from handscope.estimators.measures.figure import Figure
-from handscope.estimators.trajectory import Trajectory
 
 RATE = 100.0
 

@@ -6,15 +6,15 @@ from functools import cache
 
 import numpy as np
 
-from handscope.estimators import joint_observability
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENT
-from handscope.estimators.joint_observability import Limb, Observed, Told
-from handscope.estimators.quaternions import Array
-from handscope.estimators.samples import Block
-from handscope.estimators.self_calibration import first_guess, recordings
-from handscope.estimators.self_calibration.findings import Asked
+from handscope.estimators.data.samples import Block
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
+from handscope.estimators.self_calibration import observability, sample_preparation
+from handscope.estimators.self_calibration.observability import Limb, Observed, Told
 from handscope.estimators.self_calibration.problem import Chain, Noise, Problem, Readings, Unknowns, Z, chain, mounted, posed
+from handscope.estimators.self_calibration.result import Asked
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import SEGMENTS
 from handscope.estimators.simulation.motion import COORDINATES
@@ -61,7 +61,7 @@ def readings(recording: Simulated) -> Readings:
 def cold(recording: Simulated, noise: Noise | None = None, read: Readings | None = None) -> tuple[Problem, Unknowns]:
     """The problem and where the solver begins from nothing; `read`: other readings of the same finger."""
     noise, read = noise or Noise(), read or readings(recording)
-    guess = first_guess.unknowns(HINGED, noise, read, mounted(HINGED, recording.mounting, Z))
+    guess = self_calibration_initialisation.unknowns(HINGED, noise, read, mounted(HINGED, recording.mounting, Z))
     return posed(HINGED, noise, read, guess.q_GS[0], recording.hand, recording.mounting), guess
 
 
@@ -80,23 +80,23 @@ def looked(
 ) -> tuple[Limb, list[Told]]:
     """What a live meter takes in of a finger, stretch by stretch; its tracker is off by 8 deg, each sensor about another axis."""
     blocks = list(recording.blocks())
-    limb = joint_observability.limb(finger, [s for b in blocks for s in b.stream.sensors], recording.geometry, recording.mounting)
+    limb = observability.limb(finger, [s for b in blocks for s in b.stream.sensors], recording.geometry, recording.mounting)
     off = quat.exp(np.radians(8.0) * np.eye(3)[np.arange(len(limb.links.sensors)) % 3])
     rows, nominal = [SEGMENT[s] for s in limb.links.sensors], [recording.mounting.get(s, quat.IDENTITY) for s in limb.links.sensors]
-    told, so_far = [], joint_observability.nothing(limb)
+    told, so_far = [], observability.nothing(limb)
     for begun in np.arange(start, stop - 0.5 * every, every):
-        t, read = recordings.readings(blocks, limb.links.sensors, begun, begun + every)
+        t, read = sample_preparation.readings(blocks, limb.links.sensors, begun, begun + every)
         q_GB = recording.truth.q_GS[np.searchsorted(recording.truth.t, t[0]), rows]
-        told.append(joint_observability.told(limb, read, quat.multiply(quat.multiply(q_GB, np.array(nominal)), off), noise or so_far.noise))
-        so_far = joint_observability.together(so_far, told[-1])
+        told.append(observability.told(limb, read, quat.multiply(quat.multiply(q_GB, np.array(nominal)), off), noise or so_far.noise))
+        so_far = observability.together(so_far, told[-1])
     return limb, told
 
 
 def watched(recording: Simulated, finger: str = "index", start: float = 0.0, stop: float | None = None) -> list[Observed]:
     """What the live meter says at the end of a recording."""
     limb, stretches = looked(recording, start, float(recording.truth.t[-1]) if stop is None else stop, finger)
-    so_far = joint_observability.nothing(limb)
+    so_far = observability.nothing(limb)
     for told in stretches:
-        so_far = joint_observability.together(so_far, told)
+        so_far = observability.together(so_far, told)
     bent = {joint: recording.truth.angles[:, JOINT[joint], FLEXION] for joint in limb.links.joints}
-    return joint_observability.observed(Asked(), limb, so_far, bent)
+    return observability.observed(Asked(), limb, so_far, bent)

@@ -4,11 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import FLEXION, JOINT, SEGMENT, side_sign
-from handscope.estimators.quaternions import Array
-from handscope.estimators.self_calibration import posterior, residuals
+from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT, side_sign
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
@@ -23,7 +23,8 @@ from handscope.estimators.self_calibration.problem import (
     posed,
     turned,
 )
-from handscope.estimators.self_calibration.skin import right_jacobian
+from handscope.estimators.self_calibration.soft_tissue import right_jacobian
+from handscope.estimators.self_calibration.uncertainty import posterior
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import IDEAL

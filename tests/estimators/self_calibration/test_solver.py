@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_anatomy import FLEXION, JOINT
-from handscope.estimators.self_calibration import normal_equations, posterior, segments, solver, steadiness
+from handscope.estimators.hand.anatomy import FLEXION, JOINT
+from handscope.estimators.self_calibration import mounting_shift, normal_equations, segments, solver
 from handscope.estimators.self_calibration.problem import columns
 from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.self_calibration.uncertainty import posterior
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import SEGMENTS
 from tests.estimators.self_calibration.fingers import DURATION, WHITE, cold, distances, lengths, readings, recorded, slipped
@@ -129,22 +130,22 @@ def test_a_sensor_that_slipped_is_named(with_skin: Solution) -> None:
     """Turned by 12 deg on its phalanx for the second half."""
     made = slipped(recorded(2, DURATION, skin=True), 2, 12.0)
     found = solver.solve(cold(made)[0], with_skin.at, Limits(iterations=1))
-    first = steadiness.slips(found, readings(made))[0]
+    first = mounting_shift.slips(found, readings(made))[0]
     assert first.sensor == "index_middle"
     assert first.tilt == pytest.approx(np.radians(12.0), abs=np.radians(3.0))
 
 
 def test_no_sensor_slipped_where_none_did_though_the_whole_came_to_no_end(with_skin: Solution) -> None:
     read = readings(recorded(2, DURATION, skin=True))
-    assert steadiness.slips(with_skin, read) == []
+    assert mounting_shift.slips(with_skin, read) == []
     lost = replace(with_skin, outcome="not converged", at=replace(with_skin.at, near=-with_skin.at.near))
-    assert steadiness.slips(lost, read) == []
+    assert mounting_shift.slips(lost, read) == []
 
 
 def test_halves_of_a_stretch_begin_where_the_whole_has_its_minimum(with_skin: Solution) -> None:
     """Wherever the hand has turned to by then: else a half would be asked before it came down, and called another."""
     n = len(with_skin.problem)
     for first, stop in ((0, n // 2), (n // 2, n)):
-        half = steadiness._half(with_skin, first, stop)
+        half = mounting_shift._half(with_skin, first, stop)
         assert half.outcome == "converged"
         assert half.costs[0] < 1.1 * half.costs[-1]

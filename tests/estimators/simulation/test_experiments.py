@@ -6,19 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handscope.estimators.fingertips import FINGERTIPS, contact_points, contact_points_of
-from handscope.estimators.hand_anatomy import FINGERS, HANDS, IS_DOF, JOINT, JOINTS, LIMITS, Hand
-from handscope.estimators.hand_geometry import HandGeometry
-from handscope.estimators.samples import ACC, GYR
-from handscope.estimators.simulation import kinematics, person, tasks
+from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points, contact_points_of
+from handscope.estimators.data.samples import ACC, GYR
+from handscope.estimators.hand.anatomy import FINGERS, HANDS, IS_DOF, JOINT, JOINTS, LIMITS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.simulation import kinematics, person
 from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, OTHERS, TABLE6, TABLE7, Experiment, judged, recorded
-from handscope.estimators.simulation.grasp import NATURAL
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import office
 from handscope.estimators.simulation.motion import COORDINATES
+from handscope.estimators.simulation.movements import task_performance
+from handscope.estimators.simulation.movements.grasp_postures import NATURAL
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
-from handscope.estimators.simulation.tasks import Performance
 from tests.simulated import DEG
 
 FAST = ("tapping", "open_close 116/min")
@@ -174,7 +175,7 @@ def test_velocities_are_those_of_the_places_however_the_motion_was_put_together(
 def test_every_performance_begins_and_ends_relaxed_and_has_a_task(name: str) -> None:
     performance = _done(name)
     x, dx, _ = performance.motion.at(np.array([0.0, performance.motion.duration]))
-    np.testing.assert_allclose(x, np.tile(tasks.relaxed(), (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(x, np.tile(task_performance.relaxed(), (2, 1)), atol=1e-9)
     np.testing.assert_allclose(dx, 0.0, atol=1e-6)
     kinds = [e.trial_type for e in performance.events]
     assert "task" in kinds and set(kinds) <= {"task", "annotation"}  # annotations mark the phases of a task

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handscope.estimators import forward_kinematics, joint_angles
-from handscope.estimators import quaternions as quat
-from handscope.estimators.hand_anatomy import IS_DOF, SEGMENT
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.simulation import giving, kinematics
+from handscope.estimators.hand import forward_kinematics, joint_angles
+from handscope.estimators.hand.anatomy import IS_DOF, SEGMENT
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.simulation import joint_compliance, kinematics
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.motion import SIZE, Motion, after, shifted, through
 
@@ -31,7 +31,7 @@ def moving(request: pytest.FixtureRequest, rng: np.random.Generator) -> tuple[An
     """A right hand whose joints give, a left one of exact hinges."""
     geometry, motion = sized(request.param), _random_motion(rng)
     if geometry.hand == "right":
-        motion = giving.Giving(motion.spline, np.radians(3.0), giving.phases(rng))
+        motion = joint_compliance.Giving(motion.spline, np.radians(3.0), joint_compliance.phases(rng))
     return geometry, kinematics.of_motion(motion, geometry, np.arange(0.3, 0.6, DT))
 
 

@@ -5,8 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_anatomy import CHAINS, FINGERS, HANDS
-from handscope.estimators.hand_geometry import RATIOS, TIP_TISSUE_SD, HandGeometry
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, HANDS
+from handscope.estimators.hand.geometry import RATIOS, TIP_TISSUE_SD, HandGeometry
 from handscope.estimators.simulation.person import Anatomy, drawn
 
 PEOPLE = [drawn("left", np.random.default_rng(seed)) for seed in range(200)]

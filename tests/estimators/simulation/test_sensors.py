@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handscope.estimators import quaternions as quat
-from handscope.estimators.gravity import GRAVITY
-from handscope.estimators.hand_anatomy import SEGMENT, SEGMENTS
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.options import describe
-from handscope.estimators.simulation import kinematics, sensors, tasks
+from handscope.estimators.data.options import describe
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.simulation import kinematics, sensors
 from handscope.estimators.simulation.motion import posture, through
+from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import DEG
@@ -23,7 +24,7 @@ T = np.arange(0, 2, 0.01)
 def _readings(hand: Any, errors: SensorErrors, rate: float = 100.0, n: int = 200) -> np.ndarray:
     """Of a hand at rest in the flat pose (n, 17, 6)."""
     geometry, rng = sized(hand), np.random.default_rng(4)
-    still = through([(0.0, tasks.flat()), (100.0, tasks.flat())])
+    still = through([(0.0, task_performance.flat()), (100.0, task_performance.flat())])
     worn = sensors.mounted(SEGMENTS, geometry, errors, rng)
     return sensors.inertial(worn, kinematics.of_motion(still, geometry, np.arange(n) / rate), rate, rng)
 
@@ -39,8 +40,8 @@ def test_at_rest_an_accelerometer_reads_plus_g_upwards_and_a_gyroscope_nothing(h
 
 
 def test_a_turning_finger_is_seen_by_its_own_gyroscope_and_by_the_centripetal_acceleration() -> None:
-    geometry, end = sized("left"), posture(tasks.flat(), index_mcp_flexion=80.0)
-    motion = through([(0.0, tasks.flat()), (0.5, end)])
+    geometry, end = sized("left"), posture(task_performance.flat(), index_mcp_flexion=80.0)
+    motion = through([(0.0, task_performance.flat()), (0.5, end)])
     k = kinematics.of_motion(motion, geometry, np.array([0.25]))
     worn = sensors.mounted(("index_proximal",), geometry, IDEAL, np.random.default_rng(0))
     (read,) = sensors.inertial(worn, k, 100.0, np.random.default_rng(0))[0]
@@ -74,7 +75,7 @@ def test_noise_and_bias_have_the_sizes_of_the_data_sheet() -> None:
 
 def test_readings_stop_at_the_full_scale() -> None:
     geometry = sized("left")
-    fast = through([(0.0, tasks.flat()), (0.05, posture(tasks.flat(), index_mcp_flexion=100.0))])
+    fast = through([(0.0, task_performance.flat()), (0.05, posture(task_performance.flat(), index_mcp_flexion=100.0))])
     worn = sensors.mounted(("index_distal",), geometry, IDEAL, np.random.default_rng(0))
     read = sensors.inertial(worn, kinematics.of_motion(fast, geometry, np.arange(0, 0.05, 0.001)), 1000.0, np.random.default_rng(0))
     assert np.abs(read[..., :3]).max() == 2000 * DEG

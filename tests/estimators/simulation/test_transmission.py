@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.hand_geometry import sized
-from handscope.estimators.options import describe
-from handscope.estimators.samples import ACC, GYR, Block, Stream
+from handscope.estimators.data.options import describe
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
+from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.person import Anatomy
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL, PRESETS

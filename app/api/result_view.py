@@ -1,0 +1,227 @@
+"""What pages show of a result beside its SI figures: ranges in the report's words, figures in the units a person reads, how calibration went."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from handscope.app.language import Language
+from handscope.app.protocols import Protocol
+from handscope.app.report.change_words import row_words, tapping_words
+from handscope.app.report.changes import Changes
+from handscope.app.report.content import Task, asked
+from handscope.app.report.gradings import DEFAULT, graded_tasks
+from handscope.app.report.norms import norm_of
+from handscope.app.report.sections.other_measures import other_measures
+from handscope.app.report.sections.range_comparison import flexion_with_sd
+from handscope.app.report.sections.range_rows import asks_full_range, by_task, over_tasks, range_rows
+from handscope.app.report.sections.shown_panels import shown_of
+from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
+from handscope.app.report.words import figure_words
+from handscope.estimators.measures import MEASURES
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.total_active_motion import GRADINGS
+
+CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
+
+
+def readings(
+    content: Mapping[str, Any],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    changes: Changes | None = None,
+    lean: bool = False,
+    grading: str = DEFAULT,
+    other_hand: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """Tables for pages from a kept result's content and figures, `lean` without every figure by itself; empty before it is done."""
+    tasks = content.get("tasks", [])
+    return {
+        "ranges": _ranges([t for t in tasks if t["measure"] == "range_of_motion"], figures, protocols, language, changes),
+        "tapping": _tapping([t for t in tasks if t["measure"] == "tapping"], figures, protocols, language),
+        "calibration": calibration_reading(content.get("calibration"), language),
+        "changes": _changes(changes, protocols, language) if changes else None,
+        "others": _others(tasks, figures, protocols, language, grading, dict(other_hand or {})),
+    } | ({} if lean else {"figures": [_told(f, language) for f in figures]})
+
+
+def _told(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
+    """Any figure in the unit a person reads, with what is needed to trust it and the norm that it may be held against."""
+    value, sd = _read(row, row["value"]), _read(row, row.get("sd"))
+    what, part = row.get("what") or row["name"], row.get("part", "")
+    norm = norm_of(what, part, row["task"])
+    return {
+        **{key: row.get(key, "") for key in ("task", "measure", "onset", "name", "grade", "category", "detail", "source")},
+        "part": part,
+        "what": what,
+        "value": value[0],
+        "sd": sd[0],
+        "unit": value[1],
+        "reason": language.heard(row["reason"]),
+        "meaning": language.heard(row.get("meaning", "")),
+        "sd_basis": language.heard(row.get("sd_basis", "")),
+        "norm": asdict(norm) if norm else None,
+    }
+
+
+def _read(row: Mapping[str, Any], value: float | None) -> tuple[float | None, str]:
+    read = reading(Figure(row["name"], np.nan if value is None else value, row["unit"], row["source"]))
+    return (read.value if np.isfinite(read.value) else None), read.unit
+
+
+def _changes(changes: Changes, protocols: Mapping[str, Protocol], language: Language) -> dict[str, Any]:
+    """Since when, judged by what, and the words for the means of the tapping tasks' trials; those for ranges stand in their rows."""
+    tapping = [
+        {
+            "title": _title({"task": task}, protocols.get(task), language),
+            "figures": [{"name": name, "words": words} for name, words in said.items()],
+        }
+        for task, said in tapping_words(changes, language).items()
+    ]
+    sources = {measure: [language.heard(s) for s in changes.sources(measure)] for measure in ("range_of_motion", "tapping")}
+    return {"since": changes.since, "sources": sources, "tapping": tapping}
+
+
+def _ranges(
+    told: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    changes: Changes | None,
+) -> list[dict[str, Any]]:
+    """One table over the tasks that asked for the full range, then one for the trials of each of the others."""
+    kept = _by_task(figures)
+    tasks = [_task(t, kept.get(_key(t), ()), protocols.get(t["task"]), language) for t in told]
+    full = [t for t in tasks if asks_full_range(t.result.task)]
+    groups = ([full] if full else []) + by_task([t for t in tasks if t not in full])
+    return [
+        {
+            "full": group[0] in full,
+            "tasks": list(dict.fromkeys(t.title for t in group)),
+            "rows": rows,
+        }
+        for k, (group, rows) in enumerate((group, _rows(group, group[0] in full, language, changes)) for group in groups)
+        if rows or not k
+    ]
+
+
+def _task(told: Mapping[str, Any], figures: Sequence[Figure], protocol: Protocol | None, language: Language) -> Task:
+    ranges = [Range(**r) for r in told["ranges"]]
+    return Task(
+        TaskResult(told["task"], told["measure"], told["onset"], told["end"], ranges, tuple(figures)),
+        _title(told, protocol, language),
+        "",
+        asked(protocol),
+    )
+
+
+def _rows(tasks: list[Task], full: bool, language: Language, changes: Changes | None) -> list[dict[str, Any]]:
+    return [
+        {
+            "group": r.group,
+            "joint": r.joint,
+            "flexion": flexion_with_sd(tasks, r, language),
+            "extension": r.extension,
+            "sideways": r.sideways,
+            "grade": r.grade,
+            "reasons": [language.heard(reason) for reason in r.reasons],
+            "changes": row_words(changes, tasks, r, language) if changes else {},
+        }
+        for r in range_rows(over_tasks(tasks), full, language)
+    ]
+
+
+def _others(
+    tasks: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    protocols: Mapping[str, Protocol],
+    language: Language,
+    grading: str,
+    other_hand: dict[str, float],
+) -> list[dict[str, Any]]:
+    """Measures that have no card of their own, as the report has them, with the norms of their figures."""
+    kept = _by_task(figures)
+    told = [
+        Task(
+            TaskResult(t["task"], t["measure"], t["onset"], t["end"], None, tuple(kept.get(_key(t), ())), shown_of(t.get("shown"))),
+            _title(t, protocols.get(t["task"]), language),
+            getattr(MEASURES.get(t["measure"]), "TITLE", t["measure"]),
+            None,
+        )
+        for t in tasks
+    ]
+    sections = other_measures(graded_tasks(told, grading, other_hand), language)
+    choices = [[scheme, language.say(f"grading.{scheme}")] for scheme in GRADINGS]
+    return [
+        {**s, "gradings": choices if s["grading"] else [], "curves": [[trial, [asdict(p) for p in found]] for trial, found in s["curves"]]}
+        for s in sections
+        if s["rows"]
+    ]
+
+
+def _by_task(figures: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, float], list[Figure]]:
+    """Kept figures by the trial that they are of."""
+    kept: dict[tuple[str, str, float], list[Figure]] = {}
+    for row in figures:
+        kept.setdefault(_key(row), []).append(_kept(row))
+    return kept
+
+
+def _key(of: Mapping[str, Any]) -> tuple[str, str, float]:
+    """What a trial and its figures have in common."""
+    return of["task"], of["measure"], of.get("onset", 0.0)
+
+
+def _kept(row: Mapping[str, Any]) -> Figure:
+    """A figure from its kept row; what older rows lack is empty."""
+    known = {f.name: row[f.name] for f in fields(Figure) if row.get(f.name) is not None}
+    return Figure(**{**known, "value": np.nan if row["value"] is None else row["value"]})
+
+
+def _tapping(
+    told: list[dict[str, Any]], figures: list[dict[str, Any]], protocols: Mapping[str, Protocol], language: Language
+) -> list[dict[str, Any]]:
+    """Trials in order of time; the kept figures are in the same order, as many a trial; those that have a row of their own."""
+    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_DECIMALS]
+    each = len(rows) // len(told) if told else 0
+    trials = []
+    for k, t in enumerate(told):
+        trials.append(
+            {
+                "title": _title(t, protocols.get(t["task"]), language),
+                "onset": t["onset"],
+                "end": t["end"],
+                "closings": t["closings"],
+                "amplitudes_mm": [round(1e3 * a, 2) for a in t["amplitudes"]],
+                "grade": t["grade"],
+                "reason": language.heard(t["reason"]),
+                "figures": [_figure(f, language) for f in rows[k * each : (k + 1) * each]],
+            }
+        )
+    return trials
+
+
+def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
+    value = np.nan if row["value"] is None else row["value"]
+    read = reading(Figure(row["name"], value, row["unit"], row["source"], row["sd"], row["grade"], row["reason"]))
+    known = read.value if np.isfinite(read.value) else None
+    sd = _read(row, row["sd"])[0] or None
+    return {"name": row["name"], "label": figure_words(row["name"], language), "value": known, "sd": sd, "unit": read.unit}
+
+
+def calibration_reading(told: Mapping[str, Any] | None, language: Language) -> dict[str, Any] | None:
+    """Of each quality the sensor with the largest value, in deg and deg/s."""
+    if not told or not told["quality"]:
+        return None
+    quality = told["quality"]
+    worst = {name: max(quality, key=lambda s: quality[s][name]) for name in CALIBRATION}
+    rows = [{"name": n, "segment": s, "value": round(DEG * quality[s][n], 2), "unit": CALIBRATION[n]} for n, s in worst.items()]
+    return {"source": language.heard(told["source"]), "onset": told["onset"], "end": told["end"], "sensors": len(quality), "largest": rows}
+
+
+def _title(told: Mapping[str, Any], protocol: Protocol | None, language: Language) -> str:
+    return language.heard(protocol.title) if protocol else str(told["task"]).replace("_", " ").capitalize()

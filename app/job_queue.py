@@ -1,0 +1,151 @@
+"""Work that takes long runs in one process of its own, in order; the database is the queue, so a restart goes on where it was.
+
+Whatever ends a computation, its result is settled: done, failed with a sentence, or queued again where somebody else ended it.
+"""
+
+import asyncio
+import contextlib
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+from sqlalchemy.exc import DBAPIError
+
+from handscope.app.report import Paper
+from handscope.app.workers.process import DiedError, WorkingProcess
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import results
+from handscope.sessions.clinic.results import ENDED
+from handscope.sessions.store.store import Store, store_at
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+NO_ROOM_WAIT = 5.0  # s between two tries to settle a result in a database that takes nothing
+CLOSE_WAIT = 10.0  # s that the running job gets to end when the server stops; then the next start takes it up
+
+
+class Jobs:
+    """A context manager; leaving it lets the running job end and forgets the rest, which the next start takes up."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._process = WorkingProcess(_begin, store.folder, store.url)
+        self._queue = ThreadPoolExecutor(1, thread_name_prefix="jobs")  # its thread waits for the process
+        self._leaving = threading.Event()
+
+    def __enter__(self) -> "Jobs":
+        self._queue.submit(self._process.do, _warm)
+        with self._store.database() as db:
+            for result_id in results.unfinished(db):
+                self.process(result_id)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        patience = threading.Timer(CLOSE_WAIT, self._process.kill)
+        self._leaving.set()
+        patience.start()
+        self._queue.shutdown(wait=True, cancel_futures=True)
+        patience.cancel()
+        self._process.__exit__()
+
+    def process(self, result_id: int) -> None:
+        """Queue a result; one that comes while the server stops is taken up by the next start."""
+        with contextlib.suppress(RuntimeError):
+            self._queue.submit(self._settle, result_id)
+
+    async def run(self, work: Callable[..., T], *arguments: Any) -> T:
+        """Do other work there (a report, an export) and wait for it."""
+        try:
+            return await asyncio.wrap_future(self._queue.submit(self._process.do, work, *arguments))
+        except DiedError:
+            raise InputError(ENDED) from None
+
+    def _settle(self, result_id: int) -> None:
+        """In the queue's thread: have the result made; one that nobody finished is not left behind as running."""
+        try:
+            self._process.do(_make, result_id)
+            return
+        except DiedError as end:
+            log.error("result %s: %s", result_id, end)
+            ended_by_others = end.told or self._leaving.is_set()
+        except Exception:
+            log.exception("result %s", result_id)
+            ended_by_others = False
+        while not self._conclude(result_id, ended_by_others) and not self._leaving.wait(NO_ROOM_WAIT):
+            pass
+
+    def _conclude(self, result_id: int, ended_by_others: bool) -> bool:
+        """Settle what the computation did not; False where the database cannot take it: a full disk."""
+        try:
+            with self._store.database() as db:
+                if not ended_by_others:
+                    results.fail(db, result_id)
+                elif results.put_back(db, result_id) and not self._leaving.is_set():
+                    self.process(result_id)
+        except DBAPIError as problem:
+            log.error("result %s: %s", result_id, problem)
+            return False
+        return True
+
+
+_store: Store | None = None  # of the working process; set once when it begins
+
+
+def _begin(folder: Path, url: str | None) -> None:
+    global _store
+    with contextlib.suppress(ImportError):
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(1)
+    _store = store_at(folder, url)
+
+
+def _warm() -> None:
+    """Load what every job needs before the first person waits for one."""
+    from handscope.app.results import make as results_make
+    from handscope.app.results import report as results_report
+
+    assert results_report and results_make
+
+
+def _make(result_id: int) -> None:
+    from handscope.app.results.make import make
+
+    assert _store is not None
+    make(_store, result_id)
+
+
+def make_report(result_id: int, form: str, language: str = "en", paper: Paper = "a4", grading: str = "") -> bytes:
+    """In the working process: the report of a result as pdf, csv or json."""
+    from handscope.app.language import languages
+    from handscope.app.report import FORMS, Style
+    from handscope.app.report.gradings import DEFAULT, graded
+    from handscope.app.results.report import report
+
+    assert _store is not None
+    with _store.database() as db:
+        said = graded(report(_store, results.get(db, result_id)), grading or DEFAULT)
+        return FORMS[form](said, Style(languages()[language], paper))
+
+
+def make_replay_file(result_id: int, named: bool, language: str = "en") -> bytes:
+    """In the working process: the replay of a result as one file."""
+    from handscope.app.language import languages
+    from handscope.app.replay_file.kept import of_result
+
+    assert _store is not None
+    with _store.database() as db:
+        return of_result(_store, results.get(db, result_id), named, languages()[language])
+
+
+def make_derivative(result_id: int, reasons: bool = True) -> bytes:
+    """In the working process: the derivative of a result as a zip."""
+    from handscope.app.results.make import derivative_files
+    from handscope.sessions.motion_bids.writer import packed
+
+    assert _store is not None
+    with _store.database() as db:
+        return packed(derivative_files(_store, results.get(db, result_id), reasons))

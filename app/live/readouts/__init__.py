@@ -1,0 +1,1 @@
+"""What a live station shows beside the hand: angles, place, grasp, movement, all computed outside the station's tick."""

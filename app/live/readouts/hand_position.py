@@ -1,0 +1,93 @@
+"""Where the hand is, seen from the trunk, in a live station: followed by the station's tick, apart from the method, so that neither holds up the other."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.trajectory import PLACE_WORDS
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet.pipeline import hand_position
+from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
+from handscope.estimators.magnet.pipeline.streams import concerned, magnetometers
+from handscope.estimators.numerics.quaternions import Array
+
+log = logging.getLogger(__name__)
+QUEUE = 1000  # blocks, some seconds of three streams; older ones are skipped
+MM = 1e3
+
+
+class Whereabouts:
+    """What the glove's thread feeds and the station's tick advances."""
+
+    def __init__(self, params: PlaceParams | None = None) -> None:
+        self._params = params or PlaceParams()
+        self._queue: deque[Block] = deque(maxlen=QUEUE)
+        self._known: tuple[Any, ...] = ()  # what the setting was made of
+        self._setting: Setting | None = None
+        self._state: hand_position.State | None = None
+        self.latest: Places | None = None  # the newest row
+        self._thread: threading.Thread | None = None
+        self.reason = ""  # why nothing is followed though something of it is worn
+
+    def feed(self, blocks: Sequence[Block]) -> None:
+        """Take blocks from the glove's thread; never waits."""
+        self._queue.extend(b for b in blocks if concerned(b.stream))
+
+    def follow(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+        """Advance in a thread of its own, where none is at it: on a machine's first use the filter is translated for a minute."""
+        if (plate is not None or magnetometers(streams)) and not (self._thread and self._thread.is_alive()):
+            self._thread = threading.Thread(target=self.advance, args=(plate, streams, mounting), name="place", daemon=True)
+            self._thread.start()
+
+    def advance(self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> None:
+        """Follow what came since the last time; what is worn may have changed."""
+        worn = tuple(s for s in streams if concerned(s))
+        if (plate, worn) != self._known:
+            self._begin(plate, worn, mounting)
+        blocks = [self._queue.popleft() for _ in range(len(self._queue))]
+        if self._setting is None or not blocks:
+            return
+        try:
+            self._state, places = hand_position.step(self._setting, self._state or hand_position.start(self._setting), blocks)
+        except Exception:  # the station goes on, and so does the hand: it is begun again
+            log.exception("the hand's place failed and is begun again")
+            self._state = None
+            return
+        if len(places):
+            self.latest = hand_position.newest(places)
+
+    def told(self) -> dict[str, Any] | None:
+        """For a page, mm of the trunk's axes; None where nothing of it is worn."""
+        if self.latest is None:
+            return {"reason": self.reason} if self.reason else None
+        place, sd, flags = self.latest.place[0], self.latest.sd[0], int(self.latest.flags[0])
+        known = bool(np.isfinite(place).all())
+        return {
+            "reason": self.reason,
+            "doubts": [words for flag, words in PLACE_WORDS.items() if flags & flag] + hand_position.late(self.latest),
+            "mm": [round(float(MM * x)) for x in place] if known else None,
+            "distance_mm": round(float(MM * np.linalg.norm(place))) if known else None,
+            "sd_mm": max(1, round(float(MM * sd.max()))) if known else None,
+            "signal_db": round(float(self.latest.signal[0]), 1) if np.isfinite(self.latest.signal[0]) else None,
+        }
+
+    def number(self) -> dict[str, Any] | None:
+        """The hand's distance from the trunk as a live number with its standard deviation; None where it is not known."""
+        told = self.told() or {}
+        if told.get("distance_mm") is None:
+            return None
+        return {"name": "place", "value": told["distance_mm"] / 10, "unit": "cm", "sd": told["sd_mm"] / 10}
+
+    def _begin(self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]) -> None:
+        self._known, self._setting, self._state, self.latest, self.reason = (plate, worn), None, None, None, ""
+        self._queue.clear()
+        try:
+            self._setting = hand_position.setting(self._params, plate, worn, mounting)
+        except InputError as problem:
+            self.reason = str(problem)

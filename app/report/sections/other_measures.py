@@ -1,0 +1,114 @@
+"""Measures without a section of their own: figures by name, the trials of a task side by side, for reports and pages alike."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from handscope.app.language import Language
+from handscope.app.report.advice import advice
+from handscope.app.report.content import Task
+from handscope.app.report.norms import norm_of
+from handscope.app.report.sections.range_rows import GRADES
+from handscope.app.report.sections.shown_panels import Panel, panels
+from handscope.app.report.units import decimals, decimals_of_sd, reading, unit_words
+from handscope.app.report.words import grade_words, named, span_words
+from handscope.estimators.measures.figure import Figure
+
+Section = dict[str, Any]
+OWN = ("tapping", "range_of_motion")  # measures that have one
+
+REPEATED = 3  # rows of one reason from which it is told once, below the table
+
+
+def other_measures(tasks: Sequence[Task], language: Language) -> list[Section]:
+    """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
+    `curves` the panels of each trial that has any, with the trial's name.
+    """
+    told: dict[tuple[str, str], list[Task]] = {}
+    for task in tasks:
+        if task.result.measure not in OWN:
+            told.setdefault((task.result.measure, task.result.task), []).append(task)
+    return [_section(trials, language) for trials in told.values()]
+
+
+def _section(trials: Sequence[Task], language: Language) -> Section:
+    figures: dict[str, list[Figure]] = {}
+    for f in (f for t in trials for f in t.result.figures if not f.detail):
+        figures.setdefault(f.name, []).append(f)
+    rows, about = [_row(each, language) for each in figures.values()], [(each[0].what, each[0].part) for each in figures.values()]
+    shared = _shared([row[-1] for row in rows])
+    below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
+    shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
+    norms = [norm_told(what, part, trials[0].result.task, language) for what, part in about]
+    return {
+        "name": trials[0].result.task,
+        "title": language.heard(trials[0].measure_title),
+        "task": span_words(trials, language) + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
+        "grading": trials[0].grading,
+        "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))] if len(trials) > 1 else [language.say("value")],
+        "rows": shown,
+        "reason": shared,  # of all rows, or of those that point to it
+        "advice": advice((f.reason for t in trials for f in t.result.figures if f.grade != "good"), language),
+        "reasons": any(row[-1] for row in shown),
+        "about": about,
+        "norms": norms,
+        "normed": list(dict.fromkeys(". ".join(w for w in (n["reference"], n["note"]) if w) for n in norms if n)),
+        "limit": language.known(f"limit.{trials[0].result.measure}", ""),  # what the measure cannot tell
+        "curves": _curves(trials, language),
+        "marks": language.known(f"marks.{trials[0].result.measure}", ""),  # what the lines upright mean
+        "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
+    }
+
+
+def _shared(reasons: Sequence[str]) -> str:
+    """The reason that stands in every row, else that of most rows where it would be read REPEATED times and more; "" where none does."""
+    told = Counter(reason for reason in reasons if reason)
+    if len(reasons) < 2 or not told:
+        return ""
+    reason, count = told.most_common(1)[0]
+    return reason if count == len(reasons) or count >= REPEATED else ""
+
+
+def _curves(trials: Sequence[Task], language: Language) -> list[tuple[str, list[Panel]]]:
+    told = [
+        (language.say("tapping.trial", number=k + 1) if len(trials) > 1 else "", panels(t.result.shown, t.result.onset, language))
+        for k, t in enumerate(trials)
+    ]
+    return [(name, found) for name, found in told if found]
+
+
+def _row(figures: Sequence[Figure], language: Language) -> list[Any]:
+    """Name, a value a trial, unit, the worst grade and its reason."""
+    worst = max(figures, key=lambda f: GRADES.index(f.grade))
+    unit = unit_words(reading(figures[0]).unit, language)
+    values = [_value(f, language) + (f" ({language.heard(f.category)})" if f.category else "") for f in figures]
+    reasons = dict.fromkeys(language.heard(f.reason) for f in figures if f.reason)
+    return [named(figures[0], language), values, unit, [worst.grade, grade_words(worst.grade, language)], "; ".join(reasons)]
+
+
+def norm_told(what: str, part: str, task: str, language: Language) -> dict[str, Any] | None:
+    """What others measured of a figure, in words, with who says so; None where nobody has."""
+    norm = norm_of(what, part, task)
+    if norm is None:
+        return None
+    number = partial(language.number, decimals=decimals(norm.mean) if norm.sd is None else decimals_of_sd(norm.sd))
+    spread = "" if norm.sd is None else f" ± {number(norm.sd)}"
+    most = "" if norm.low is None or norm.high is None else f" ({number(norm.low)} – {number(norm.high)})"
+    told = f"{number(norm.mean)}{spread}{most} {unit_words(norm.unit, language)}".strip()
+    return {"told": told, "reference": norm.source.reference, "note": language.heard(norm.note)}
+
+
+def _value(figure: Figure, language: Language) -> str:
+    """ "12.3 ± 0.4" in the unit a person reads; at most four figures, and a deviation is never told as nothing."""
+    read = reading(figure)
+    if not np.isfinite(read.value):
+        return language.say("not_measured")
+    if figure.sd is None or not np.isfinite(figure.sd) or not figure.sd:
+        return language.number(read.value, 0 if figure.name.endswith("_count") else decimals(read.value))
+    sd = abs(reading(replace(figure, value=figure.sd)).value)
+    places = min(decimals_of_sd(sd), decimals(read.value) + 1 if read.value else 3)
+    return f"{language.number(read.value, places)} ± {language.number(max(sd, 10.0**-places), places)}"

@@ -1,0 +1,96 @@
+"""Figures over the patient's sessions: a small chart each, those that changed most against what repeated measurement gives."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from handscope.app.language import Language
+from handscope.app.report.change_words import amount
+from handscope.app.report.content import Content
+from handscope.app.report.sections import plots
+from handscope.app.report.units import DEG, reading
+from handscope.app.report.words import extension_words, figure_words, flexion_words
+from handscope.estimators.measures.figure import Figure
+from handscope.sessions.clinic.repeatability import Key, Values
+
+LEAST = 3  # sessions before there is a course to look at; a change between two stands with the figures
+SHOWN = 8
+CHART = (168.0, 62.0)  # pt
+ALWAYS = ("tapping_rate", "tapping_amplitude_mean")
+
+
+def trend_section(content: Content, language: Language) -> dict[str, Any] | None:
+    """Charts of the figures that the most sessions have; None before there are LEAST sessions."""
+    visits = content.course.visits if content.course else ()
+    if len(visits) < LEAST:
+        return None
+    mdc = {(c.measure, c.task, c.name): c.mdc95 for c in content.changes.each} if content.changes else {}
+    keys = _chosen([v.values for v in visits], mdc, _asked(content))
+    charts = []
+    for key in keys:
+        points = [(v.started, _read(key, v.values)) for v in visits if key in v.values]
+        moments, values = [m for m, _ in points], [value for _, value in points]
+        unit = reading(Figure(key[2], 0.0, visits[-1].values[key][1], "")).unit
+        unit = {"Hz": "per s"}.get(unit, unit)
+        charts.append(
+            {
+                "title": figure_words(key[2], language),
+                "value": _said(key[2], values[-1], unit, language),
+                "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
+                "alt": language.say(
+                    "trends.alt",
+                    count=len(values),
+                    first=_said(key[2], values[0], unit, language),
+                    last=_said(key[2], values[-1], unit, language),
+                ),
+            }
+        )
+    if not charts:
+        return None
+    facts = {"count": len(visits), "first": language.day(visits[0].started), "last": language.day(visits[-1].started)}
+    return {
+        "title": language.say("trends.title"),
+        "task": language.say("trends.span", **facts),
+        "charts": charts,
+        "caption": language.say("trends.caption"),
+    }
+
+
+def _said(name: str, value: float, unit: str, language: Language) -> str:
+    """A value without a bare sign: the direction stands in the figure's name."""
+    if unit != "deg":
+        return amount(value, name, unit, language)
+    joint, _, end = name.rpartition("_flexion_")
+    if joint and end == "min":
+        return extension_words(joint, value / DEG, np.pi, language)
+    return flexion_words(value / DEG, language) if joint else amount(abs(value), name, unit, language)
+
+
+def _asked(content: Content) -> set[Key]:
+    """Figures of this session, of ranges those that their task asked for."""
+    return {
+        (t.result.measure, t.result.task, f.name)
+        for t in content.tasks
+        for f in t.result.figures
+        if t.asked is None or t.result.measure != "range_of_motion" or f.name.rpartition("_")[0] in t.asked
+    }
+
+
+def _chosen(visits: Sequence[Values], mdc: Mapping[Key, float | None], asked: Collection[Key]) -> list[Key]:
+    """Keys that the newest visit and LEAST visits have: the tapping figures, then by how much they moved in multiples of their MDC."""
+    known = [key for key in visits[-1] if key in asked and sum(key in v for v in visits) >= LEAST and not key[2].endswith("_range")]
+
+    def moved(key: Key) -> float:
+        values = [_read(key, v) for v in visits if key in v]
+        return (max(values) - min(values)) / (mdc.get(key) or float("inf"))
+
+    always = [key for key in known if key[2] in ALWAYS]
+    others = sorted((key for key in known if key not in always and mdc.get(key)), key=moved, reverse=True)
+    return (always + others)[:SHOWN]
+
+
+def _read(key: Key, values: Values) -> float:
+    """In the unit a person reads."""
+    value, unit = values[key]
+    return reading(Figure(key[2], value, unit, "")).value

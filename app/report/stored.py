@@ -1,0 +1,110 @@
+"""The computed part of a report beside its result: one file from which a report is made again without the recording.
+
+An npz of every array and of one JSON tree that names them; values of the classes in KEPT stand there by their class and fields. Only what a report
+reads of a task's details is kept: taps and ranges. A file of other classes or fields than today's is None: the caller computes anew.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from handscope.app.report import content
+from handscope.app.report.content import Content
+from handscope.estimators.data.calibration import SensorQuality
+from handscope.estimators.data.options import Description
+from handscope.estimators.measures import cycles, plot_data
+from handscope.estimators.measures.assessment import TaskResult
+from handscope.estimators.measures.figure import Figure
+from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.tapping import Tapping
+
+TREE = "tree"
+KEPT: Mapping[str, type] = {
+    **{
+        f"{of.__module__}.{of.__name__}": of
+        for of in (
+            *(content.Visit, content.Content, content.Changed, content.Method, content.StreamFacts, content.RecordingFacts),
+            *(content.CalibrationFacts, content.Flagged, content.Curve, content.Task, content.NotDone, content.Scored, content.LeftOut),
+            *(TaskResult, Figure, Range, Tapping, cycles.Cycles, cycles.Stops, cycles.Params, plot_data.Shown, plot_data.Curve),
+            *(SensorQuality, Description),
+        )
+    }
+}
+
+
+def packed(whole: Content) -> bytes:
+    """A content without what the database knows and may change later: the visit, the course, the changes."""
+    own = replace(whole, visit=content.Visit(patient=""), changes=None, course=None, tasks=tuple(map(_readable, whole.tasks)))
+    arrays: dict[str, np.ndarray] = {}
+    tree = json.dumps(_plain(own, arrays), separators=(",", ":"))
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **{TREE: np.frombuffer(tree.encode(), np.uint8)}, **arrays)
+    return buffer.getvalue()
+
+
+def unpacked(data: bytes) -> Content | None:
+    """What `packed` made; None where it was made of other classes or fields, or is damaged."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+            arrays = {name: kept[name] for name in kept.files}
+        found = _value(json.loads(arrays.pop(TREE).tobytes()), arrays)
+    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile):
+        return None
+    return found if isinstance(found, Content) else None
+
+
+def _readable(task: content.Task) -> content.Task:
+    """A task with only those details that a report reads."""
+    details = task.result.details
+    ranges = isinstance(details, list) and all(isinstance(d, Range) for d in details)
+    return task if ranges or isinstance(details, Tapping) else replace(task, result=replace(task.result, details=None))
+
+
+def _plain(value: Any, arrays: dict[str, np.ndarray]) -> Any:
+    """As JSON takes it: what it does not know is {kind: value}."""
+    if isinstance(value, np.ndarray):
+        arrays[name := f"a{len(arrays)}"] = value
+        return {"array": name}
+    if is_dataclass(value):
+        told = {f.name: _plain(getattr(value, f.name), arrays) for f in fields(value)}
+        return {"of": f"{type(value).__module__}.{type(value).__name__}", "fields": told}
+    if isinstance(value, Mapping):
+        return {"map": [[key, _plain(v, arrays)] for key, v in value.items()]}
+    if isinstance(value, tuple):
+        return {"tuple": [_plain(v, arrays) for v in value]}
+    if isinstance(value, frozenset):
+        return {"set": sorted(value)}
+    if isinstance(value, list):
+        return [_plain(v, arrays) for v in value]
+    if isinstance(value, datetime):
+        return {"moment": value.isoformat()}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _value(told: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    if isinstance(told, list):
+        return [_value(v, arrays) for v in told]
+    if not isinstance(told, dict):
+        return told
+    if "of" in told:
+        of = KEPT[told["of"]]
+        if {f.name for f in fields(of)} != told["fields"].keys():
+            raise ValueError(f"{told['of']} has other fields")
+        return of(**{name: _value(v, arrays) for name, v in told["fields"].items()})
+    ((kind, inside),) = told.items()
+    return KINDS[kind](inside, arrays)
+
+
+KINDS: Mapping[str, Callable[[Any, Mapping[str, np.ndarray]], Any]] = {
+    "array": lambda name, arrays: arrays[name],
+    "map": lambda pairs, arrays: {key: _value(v, arrays) for key, v in pairs},
+    "moment": lambda text, _: datetime.fromisoformat(text),
+    "tuple": lambda each, arrays: tuple(_value(v, arrays) for v in each),
+    "set": lambda each, _: frozenset(each),
+}

@@ -1,0 +1,1 @@
+"""Results of sessions: made from recordings, stored, compared, reported, also for whole cohorts."""

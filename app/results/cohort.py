@@ -1,0 +1,150 @@
+"""A cohort's recordings processed by one method, spread over processes or machines by Dask; what was done before is not done again.
+
+Each recording's derivative lies in a folder of its own, OUT/NAME, with `done.json` beside it: the key of what it was made from (the recording's checksum,
+method, options, version). A recording that fails is named at the end and holds up no other.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from handscope.app.options import with_options
+from handscope.app.version import software_version
+from handscope.app.workers.deadline import LIMIT, within
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files.native import SUFFIX, file_checksum
+from handscope.sessions.formats import derivative
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.tables_io.writing import save_file, save_folder
+
+DONE = "done.json"
+SUFFIXES = (SUFFIX, ".zip")
+MISSING = "a cohort needs the package dask: pip install 'handscope[cohort]'"
+
+
+@dataclass(frozen=True)
+class Work:
+    """One recording to be processed: plain values, they travel to another machine."""
+
+    name: str
+    recording: str
+    out: str
+    method: str
+    options: Mapping[str, Any]
+    hand: Hand | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    name: str
+    state: str  # done, before (and is not done again), failed
+    said: str = ""
+
+
+def recordings(place: Path) -> dict[str, Path]:
+    """The recordings of a folder, or of a text file with a path a line, by the name of their results; InputError where there are none."""
+    if place.is_dir():
+        found = [p for p in sorted(place.rglob("*")) if p.is_file() and p.suffix in SUFFIXES]
+        named = {p.relative_to(place).with_suffix("").as_posix().replace("/", "--"): p for p in found}
+        if len(named) < len(found):
+            raise InputError(f"{place} holds recordings that differ by their ending only; give a list of those to process")
+    elif place.is_file():
+        try:
+            lines = [line.strip() for line in place.read_text().splitlines()]
+        except UnicodeDecodeError:
+            raise InputError(f"{place} is no list of recordings: a text file with a path a line, or a folder") from None
+        found = [place.parent / line for line in lines if line and not line.startswith("#")]
+        named = {p.name.removesuffix(p.suffix) if p.suffix in SUFFIXES else p.name: p for p in found}
+        if len(named) < len(found):
+            raise InputError(f"{place} names two recordings of one name; results would fall into one folder")
+    else:
+        raise InputError(f"there is no folder or list {place}")
+    if not named:
+        raise InputError(f"{place} holds no recordings (they end in {' or '.join(SUFFIXES)})")
+    return named
+
+
+def one(work: Work) -> Outcome:
+    """Process one recording, wherever this runs; whatever goes wrong is its outcome."""
+    try:
+        path, out = Path(work.recording), Path(work.out) / work.name
+        key = _key(path, work)
+        if _done(out) == key:
+            return Outcome(work.name, "before")
+        method = ALL_METHODS[work.method]
+        params = with_options(method.Params, work.options)
+        recording = formats_recordings.load(path, work.hand)
+        processed = process(method, params, recording, progress=within(LIMIT, lambda share: None))
+        out.mkdir(parents=True, exist_ok=True)
+        (out / DONE).unlink(missing_ok=True)
+        save_folder(derivative.tree(processed, recording, work.method, params, software_version()), out)
+        save_file(json.dumps({"key": key, "warnings": list(processed.warnings)}, indent=1).encode(), out / DONE)
+    except InputError as problem:
+        return Outcome(work.name, "failed", str(problem))
+    except Exception as problem:  # one recording must not end the others' run
+        return Outcome(work.name, "failed", f"{type(problem).__name__}: {problem}")
+    return Outcome(work.name, "done")
+
+
+def all_of(works: Sequence[Work], workers: int, scheduler: str | None, hear: Callable[[float], None]) -> list[Outcome]:
+    """Every recording's outcome in the order given, computed by processes of this machine or those of a scheduler."""
+    outcomes: dict[str, Outcome] = {}
+    with _client(workers, scheduler) as client:
+        from distributed import as_completed
+
+        asked = {client.submit(one, work, pure=False, key=f"{work.name}-{k}"): work for k, work in enumerate(works)}
+        for future in as_completed(asked):
+            work = asked[future]
+            problem = future.exception()
+            outcomes[work.name] = (
+                future.result() if problem is None else Outcome(work.name, "failed", f"the process that worked on it ended: {problem}")
+            )
+            hear(len(outcomes) / len(works))
+    return [outcomes[work.name] for work in works]
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError(MISSING) from None
+    try:
+        if scheduler:
+            with Client(scheduler, timeout=10) as client:
+                yield client
+        else:
+            with (
+                LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, memory_limit=None) as cluster,
+                Client(cluster) as client,
+            ):
+                yield client
+    except (OSError, TimeoutError) as problem:
+        raise InputError(f"the scheduler {scheduler or 'of this machine'} cannot be reached ({problem})") from None
+
+
+def _key(path: Path, work: Work) -> str:
+    sum_ = file_checksum(path) if path.is_file() else _folder_checksum(path)
+    parts = [sum_, work.method, dict(work.options), work.hand, software_version()]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _folder_checksum(path: Path) -> str:
+    if not path.is_dir():
+        raise InputError(f"there is no recording {path}")
+    sums = [(p.relative_to(path).as_posix(), file_checksum(p)) for p in sorted(path.rglob("*")) if p.is_file()]
+    return hashlib.sha256(repr(sums).encode()).hexdigest()
+
+
+def _done(out: Path) -> str | None:
+    try:
+        return str(json.loads((out / DONE).read_text())["key"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

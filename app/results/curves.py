@@ -1,0 +1,151 @@
+"""Curves of kept results for pages: in degrees and millimetres, thinned so that no peak is lost, and two results on one clock.
+
+Two results of one recording have one clock, so their difference means something; of two recordings a trial of the same task is laid on the other from
+its onset on.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from handscope.app.report.units import DEG
+from handscope.app.results.make import load_replay
+from handscope.app.results.quantity_curve import value_of
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import DOF_NAMES
+from handscope.estimators.measures.comparison import Agreement, Pair, agreements
+from handscope.estimators.numerics.quaternions import Array
+from handscope.sessions.db.tables import Result
+from handscope.sessions.store.store import Store
+
+APERTURE = "aperture"
+LEAD = 1.0  # s before and after a task that two recordings run in step
+
+
+@dataclass(frozen=True)
+class Beside:
+    """One quantity of two results; t from the trial's onset, or the recording's clock; NaN where a result does not know it."""
+
+    t: Array  # (n,) s
+    a: Array  # (n,) deg or mm
+    b: Array  # (n,)
+    apart: Array  # (n,) b less a, of one recording only
+    agreement: Agreement | None  # of one recording only: the same movement
+    offsets: tuple[float, float]  # s, what t = 0 is on either's clock
+
+
+def require_known(what: Sequence[str]) -> None:
+    """InputError for a curve that there is not."""
+    unknown = [w for w in what if w != APERTURE and w not in DOF_NAMES]
+    if unknown:
+        raise InputError(f"there is no curve {unknown[0]!r}; curves are aperture and joint angles such as index_pip_flexion")
+
+
+def curves(store: Store, result: Result, what: Sequence[str], start: float, stop: float, points: int) -> tuple[Array, dict[str, Array]]:
+    """Times (n,) and values (n,) by quantity between two moments, `points` at most."""
+    require_known(what)
+    rows = _rows(store, result, start, stop)
+    thin = thinned(rows.t, [value_of(rows, w) for w in what], points)
+    return thin[0], dict(zip(what, thin[1]))
+
+
+def thinned(t: Array, values: Sequence[Array], points: int) -> tuple[Array, list[Array]]:
+    """At most `points` samples of curves (n,) on one clock: of every stretch the smallest and the largest value in their order, so that no peak is lost."""
+    size = -(-2 * len(t) // points)  # samples in a stretch, of which two are left
+    if size <= 2:
+        return t, list(values)
+    count = -(-len(t) // size)
+    spare = count * size - len(t)
+    places = np.stack([t[::size], t[np.minimum(np.arange(count) * size + size // 2, len(t) - 1)]], axis=1).ravel()
+    return places, [_ends(np.pad(v, (0, spare), constant_values=np.nan).reshape(count, size)) for v in values]
+
+
+def beside(store: Store, a: Result, b: Result, what: str, event: int | None, points: int) -> Beside:
+    """A quantity of two results: of a task (the event of A's recording) or, within one recording, of all of it."""
+    require_known([what])
+    same = a.recording_id == b.recording_id
+    if event is None and not same:
+        raise InputError("two recordings are compared trial by trial: say which task (event)")
+    onsets, length = _trials(a, b, event) if event is not None else ((0.0, 0.0), np.inf)
+    first, second = (_rows(store, r, onset if event is not None else -np.inf, onset + length) for r, onset in zip((a, b), onsets))
+    on_a = value_of(first, what)
+    on_b = _at(first.t - onsets[0], second.t - onsets[1], value_of(second, what))
+    found = agreements([_pair(what, first.t, on_a, on_b)], [("", -np.inf, np.inf)]) if same else []
+    t, (thin_a, thin_b, apart) = thinned(first.t - onsets[0], [on_a, on_b, on_b - on_a], points)
+    return Beside(t, thin_a, thin_b, apart, found[0] if found else None, onsets)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A task of one recording and the same of another."""
+
+    onset: float  # s of the one's clock
+    other: float  # s of the other's
+    length: float  # s, of the longer
+
+
+def in_step(a: Result, b: Result) -> tuple[Step, ...]:
+    """Every task of A that B has, too, in order of time; none for one recording, whose clock is one. InputError where they have none in common."""
+    if a.recording_id == b.recording_id:
+        return ()
+    tasks, others = _tasks(a), {e.get("task_name") for e in _tasks(b).values()}
+    found = [_trials(a, b, event) for event, e in tasks.items() if e.get("task_name") in others]
+    if not found:
+        raise InputError("the two sessions have no task in common, so they cannot be shown in step; choose another session")
+    return tuple(sorted((Step(*onsets, length) for onsets, length in found), key=lambda s: s.onset))
+
+
+def at_other(steps: Sequence[Step], t: float) -> float:
+    """The other's moment at t: within the task that is on, or was last; a task is waited for, and stood still after, LEAD s from its ends."""
+    if not steps:
+        return t
+    step = next((s for s in reversed(steps) if s.onset - LEAD <= t), steps[0])
+    return step.other + float(np.clip(t - step.onset, -LEAD, step.length + LEAD))
+
+
+def _trials(a: Result, b: Result, event: int) -> tuple[tuple[float, float], float]:
+    """Onsets of A's trial and of the same trial of the task in B (its last where it has fewer), and the longer one's length."""
+    events = [_tasks(r) for r in (a, b)]
+    wanted = events[0].get(event)
+    if wanted is None:
+        raise InputError(f"there is no task {event} in the recording of result {a.id}")
+    mine, others = ([e for e in found.values() if e.get("task_name") == wanted.get("task_name")] for found in events)
+    if not others:
+        raise InputError(f"the other session has no task {str(wanted.get('task_name')).replace('_', ' ')!r}; choose another task")
+    other = others[min(mine.index(wanted), len(others) - 1)] if a.recording_id != b.recording_id else wanted
+    return (wanted["onset"], other["onset"]), max(wanted["duration"], other["duration"])
+
+
+def _tasks(result: Result) -> dict[int, Mapping[str, Any]]:
+    return {k: e for k, e in enumerate(result.content.get("events", [])) if e["trial_type"] == "task"}
+
+
+def _rows(store: Store, result: Result, start: float, stop: float) -> Trajectory:
+    """The kept trajectory between two moments as far as curves need it."""
+    kept = load_replay(store, result)
+    first, last = np.searchsorted(kept["t"], [start, np.nextafter(stop, np.inf)])
+    part = {name: kept[name][first:last] for name in ("t", "angles", "tips")}
+    return Trajectory("left", part["t"], part["angles"], np.empty(0), part["tips"], np.empty(0, np.uint8))
+
+
+def _at(t: Array, other_t: Array, other: Array) -> Array:
+    """The other's values at times t, NaN outside and next to what it does not know."""
+    if len(other_t) < 2:
+        return np.full(len(t), np.nan)
+    return np.asarray(np.interp(t, other_t, other, left=np.nan, right=np.nan))
+
+
+def _pair(what: str, t: Array, a: Array, b: Array) -> Pair:
+    return Pair(what, "m", t, a / 1e3, b / 1e3) if what == APERTURE else Pair(what, "rad", t, a / DEG, b / DEG)
+
+
+def _ends(stretches: Array) -> Array:
+    """Of every row (k, size) the smallest and the largest in their order (2 k,); NaN of a row without any."""
+    empty = np.asarray(np.isnan(stretches).all(axis=1))
+    filled = np.where(empty[:, None], 0.0, stretches)
+    low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)
+    picked = np.take_along_axis(filled, np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1), axis=1)
+    return np.asarray(np.where(empty[:, None], np.nan, picked).ravel())

@@ -1,0 +1,258 @@
+"""Make results: process a kept recording, assess it, keep figures for pages, a thinned trajectory for replay, and what a report says.
+
+Runs in a process of its own (app/job_queue.py), so that a long computation never holds up a live view.
+"""
+
+import io
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import update
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session, object_session
+from sqlalchemy.orm.exc import StaleDataError
+
+from handscope.app.options import with_options
+from handscope.app.protocols import offered
+from handscope.app.report.content import Content, Visit, content
+from handscope.app.report.sections import self_calibration
+from handscope.app.report.stored import packed, unpacked
+from handscope.app.workers import deadline
+from handscope.estimators.data.samples import Event
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.measures.accuracy import accuracy_of
+from handscope.estimators.measures.assessment import TaskResult, assess
+from handscope.estimators.measures.excursions import repetitions
+from handscope.estimators.measures.plot_data import Shown, thinned
+from handscope.estimators.measures.tapping import Tapping
+from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import Processed, process
+from handscope.sessions.clinic import corrections, self_calibrations, trunk_height
+from handscope.sessions.clinic.results import UNFINISHED, begin, fail
+from handscope.sessions.db.full_disk import FULL, is_full
+from handscope.sessions.db.tables import Result
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import derivative
+from handscope.sessions.store import records, stored_files
+from handscope.sessions.store.store import Store
+from handscope.sessions.tables_io.number_table import Data
+from handscope.sessions.tables_io.trajectory_table import measured_segments
+from handscope.sessions.tables_io.writing import save_file
+
+LOOK, STEP = 0.5, 0.05  # s, share: how often progress is kept
+REPLAY_RATE = 60.0  # Hz of the trajectory kept for replay and curves
+CURVE_POINTS = 1500  # of a measure's curve at most: finer than a screen
+
+
+class StoppedError(Exception):
+    """Nobody waits for the result any more."""
+
+
+def make(store: Store, result_id: int) -> None:
+    """Process the result's recording; a failure the user can mend is kept as the result's error. What was stopped or erased meanwhile leaves nothing."""
+    with store.database() as db:
+        result = db.get(Result, result_id)
+        if result is None or result.state not in UNFINISHED:
+            return
+        try:
+            _settle(db, store, result)
+        except StaleDataError:
+            db.rollback()
+            for file in (replay_file(result_id), report_file(result_id)):
+                store.path_of(file).unlink(missing_ok=True)
+
+
+def _settle(db: Session, store: Store, result: Result) -> None:
+    try:
+        _make(db, store, result)
+    except StoppedError:
+        db.rollback()
+    except (InputError, OSError, DBAPIError) as problem:
+        db.rollback()
+        full = is_full(problem) or is_full(problem.__context__)
+        if not full and not isinstance(problem, InputError):
+            raise
+        fail(db, result.id, FULL if full else str(problem))
+
+
+def _make(db: Session, store: Store, result: Result) -> None:
+    begin(db, result)
+    hear = deadline.within(deadline.LIMIT, _watching(db, result.id), commanded=False)
+    recording, processed = computed(store, result, hear)
+    hear(1.0)
+    tasks = assessed(result.method, recording, processed)
+    save_replay(store, result.id, processed.trajectory)
+    save_report(store, result, recording, processed, tasks)
+    result.figures = [row for t in tasks for row in figure_rows(t)]
+    result.content = page_content(processed, tasks, recording)
+    result.warnings, result.state, result.progress = list(processed.warnings), "done", 1.0
+    result.recording.session.state = "processed"
+    db.commit()
+
+
+def computed(
+    store: Store, result: Result, progress: Callable[[float], None] = lambda share: None, reasons: bool = True
+) -> tuple[LoadedRecording, Processed]:
+    """The recording and what the method makes of it, computed anew; with the reasons of corrections or without."""
+    if result.method not in ALL_METHODS:
+        raise InputError(f"there is no method {result.method!r}; methods are {', '.join(ALL_METHODS)}")
+    method = ALL_METHODS[result.method]
+    made = result.corrections if reasons else corrections.untold(result.corrections)
+    recording = trunk_height.applied(corrections.corrected(records.opened(store, result.recording), made), result.trunk_height)
+    db = object_session(result)
+    known = None if db is None else self_calibrations.known(db, result.reused)
+    return recording, process(method, with_options(method.Params, result.parameters), recording, progress=progress, known=known)
+
+
+def assessed(method: str, recording: LoadedRecording, processed: Processed) -> list[TaskResult]:
+    """What the measures say of what a method made of a recording."""
+    return assess(processed.trajectory, recording.events, recording.geometry, accuracy_of(method, processed.calibrations))
+
+
+def derivative_files(store: Store, result: Result, reasons: bool = True) -> dict[str, Data]:
+    """The Motion-BIDS derivative of a result (docs/motion-bids.md)."""
+    recording, processed = computed(store, result, reasons=reasons)
+    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+    return derivative.tree(processed, recording, result.method, params, result.version)
+
+
+def figure_rows(t: TaskResult) -> list[dict[str, Any]]:
+    """The figures of a task as plain data, in the order of the measure; NaN becomes None."""
+    rows = []
+    for f in t.figures:
+        row = asdict(f)
+        row["value"] = None if not np.isfinite(f.value) else f.value
+        rows.append({"task": t.task, "measure": t.measure, "onset": t.onset, **row, "sd_basis": t.sd_basis if f.sd is not None else ""})
+    return rows
+
+
+def page_content(processed: Processed, tasks: list[TaskResult], recording: LoadedRecording) -> dict[str, Any]:
+    """Everything that the result page draws besides the figures."""
+    moved, c = processed.trajectory, processed.calibrations[0]
+    return {
+        "self_calibration": self_calibration.kept_of(processed),
+        "span": [float(moved.t[0]), float(moved.t[-1])] if len(moved) else [0.0, 0.0],
+        "measured": measured_segments(moved),
+        "calibration": {"source": c.source, "onset": c.span[0], "end": c.span[1], "quality": {s: asdict(q) for s, q in c.quality.items()}},
+        "tasks": [_task(t) for t in tasks],
+        "events": [{"trial_type": e.trial_type, "onset": e.onset, "duration": e.duration, **dict(e.details)} for e in recording.events],
+        "repetitions": {
+            str(k): _repetitions(e, processed.trajectory, tasks) for k, e in enumerate(recording.events) if e.trial_type == "task"
+        },
+    }
+
+
+def _repetitions(event: Event, moved: Trajectory, tasks: list[TaskResult]) -> list[dict[str, Any]]:
+    """Where the task's repetitions are, s, and which of them are left out: those that stretches left out cover by half."""
+    gone = [(float(a), float(b)) for a, b in event.details.get("left_out", ())]
+    found = repetitions(moved, event.onset, event.end, [t.details for t in tasks if t.onset == event.onset and t.end == event.end])
+    counted = [(a, b) for a, b in found if not any(min(b, stop) - max(a, start) > (b - a) / 2 for start, stop in gone)]
+    return [{"start": a, "stop": b, "out": (a, b) in gone} for a, b in sorted([*counted, *gone])]
+
+
+def replay_file(result_id: int) -> str:
+    return f"results/{result_id}.npz"
+
+
+def save_replay(store: Store, result_id: int, moved: Trajectory) -> None:
+    """Keep the trajectory thinned to REPLAY_RATE; it can be made again at any time."""
+    rate = 1.0 / float(np.median(np.diff(moved.t))) if len(moved) > 1 else REPLAY_RATE
+    thin = slice(None, None, max(1, round(rate / REPLAY_RATE)))
+    buffer = io.BytesIO()
+    small = {"angles": moved.angles[thin], "q_GH": moved.q_GS[thin, SEGMENT["hand"]], "tips": moved.tips[thin]}
+    if moved.forces is not None:
+        small["forces"] = moved.forces[thin]
+    arrays = {name: values.astype(np.float32) for name, values in small.items()}
+    np.savez_compressed(buffer, allow_pickle=False, t=moved.t[thin], flags=moved.flags[thin], **arrays)
+    path = store.path_of(replay_file(result_id))
+    path.parent.mkdir(exist_ok=True)
+    save_file(buffer.getvalue(), path)
+
+
+def load_replay(store: Store, result: Result) -> dict[str, Any]:
+    """The thinned trajectory: t (n,), angles (n, joints, 3), q_GH (n, 4), tips (n, 5, 3), flags, where they were measured forces (n, 5, 3); made anew where its file is gone."""
+    path = stored_files.at_hand(store, replay_file(result.id))
+    if not path.exists():
+        save_replay(store, result.id, computed(store, result)[1].trajectory)
+    return _read(path, path.stat().st_mtime_ns)
+
+
+def report_file(result_id: int) -> str:
+    return f"results/{result_id}.report.npz"
+
+
+def save_report(store: Store, result: Result, recording: LoadedRecording, processed: Processed, tasks: list[TaskResult]) -> Content:
+    """Keep what a report says of the recording; it can be made again at any time."""
+    params = with_options(ALL_METHODS[result.method].Params, result.parameters)
+    nobody, version, corrected = Visit(patient=""), result.version, result.corrections
+    protocols, _ = offered(store.folder)
+    said = content(nobody, recording, processed, result.method, params, tasks, version, protocols, corrections=corrected)
+    if (db := object_session(result)) is not None and (reused := result.reused):
+        earlier = self_calibrations.get(db, reused["self_calibration"])
+        said = replace(said, self_calibration=self_calibration.taken_over(earlier, reused["parts"]))
+    save_file(packed(said), store.path_of(report_file(result.id)))
+    return said
+
+
+def load_report(store: Store, result: Result) -> Content:
+    """What a report says of the recording, of nobody's visit; made anew where its file is gone or of another form."""
+    path = stored_files.at_hand(store, report_file(result.id))
+    if path.exists() and (said := unpacked(path.read_bytes())) is not None:
+        return said
+    recording, processed = computed(store, result)
+    return save_report(store, result, recording, processed, assessed(result.method, recording, processed))
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, written: int) -> dict[str, Any]:
+    """Opened files are kept a while: a page asks for one curve after the other; ten minutes are 10 MB."""
+    with np.load(path) as kept:
+        return {name: kept[name] for name in kept.files}
+
+
+def _task(t: TaskResult) -> dict[str, Any]:
+    """What pages draw of a task: `shown` of every measure alike; ranges and taps, too, in the shape of their own pages."""
+    told: dict[str, Any] = {"task": t.task, "measure": t.measure, "onset": t.onset, "end": t.end, "shown": _shown(t.shown)}
+    if isinstance(t.details, Tapping):
+        d = t.details
+        told |= {"closings": d.closings.tolist(), "amplitudes": d.amplitudes.tolist(), "grade": d.grade, "reason": d.reason}
+    elif t.measure == "range_of_motion":
+        told["ranges"] = [asdict(r) for r in t.details]
+    return told
+
+
+def _shown(shown: Shown) -> dict[str, Any]:
+    """Curves, thinned, and marks as plain data; NaN becomes None."""
+    curves = thinned(shown.curves, CURVE_POINTS)
+    told = [{"name": c.name, "unit": c.unit, "x_unit": c.x_unit, "x": _plain(c.x, 5), "y": _plain(c.y, 6)} for c in curves]
+    return {"curves": told, "marks": {name: _plain(t, 4) for name, t in shown.marks.items()}}
+
+
+def _plain(values: Array, digits: int) -> list[float | None]:
+    return [round(float(v), digits) if np.isfinite(v) else None for v in values]
+
+
+def _watching(db: Session, result_id: int) -> Callable[[float], None]:
+    """Hears shares done and keeps them now and then; StoppedError as soon as somebody stopped or erased the result."""
+    kept, looked = 0.0, time.monotonic()
+
+    def heard(share: float) -> None:
+        nonlocal kept, looked
+        if share - kept < STEP and time.monotonic() - looked < LOOK:
+            return
+        kept, looked = share, time.monotonic()
+        running = update(Result).where(Result.id == result_id, Result.state == "running").values(progress=share)
+        found = db.execute(running.returning(Result.id), execution_options={"synchronize_session": False}).all()
+        db.commit()
+        if not found:
+            raise StoppedError
+
+    return heard

@@ -1,0 +1,87 @@
+"""Self-calibration in a process of its own: it takes a minute of a core, and the live view must not feel it. It can be asked how far it is, and ended.
+
+The process is told everything through its pipe and leaves by itself when its parent is gone. One that takes longer than LONGEST is ended.
+"""
+
+import contextlib
+import logging
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+from handscope.app.workers.process import CONTEXT, heed_the_server_alone
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic.self_calibrations import Found
+from handscope.sessions.files.recording import LoadedRecording
+
+log = logging.getLogger(__name__)
+LONGEST = 600.0  # s
+ENDED = "the self-calibration ended unexpectedly; move freely once more, or go on without it"
+TOO_LONG = "the self-calibration took longer than ten minutes and was ended; move freely once more, or go on without it"
+
+
+class Solving:
+    """A computation that goes on from when this is made until it is found, refused, or closed."""
+
+    def __init__(self, recording: LoadedRecording) -> None:
+        self.share = 0.0  # of the work that is done, 0 to 1
+        self.found: Found | None = None
+        self.refusal = ""
+        self._begun = time.monotonic()
+        self._pipe, theirs = CONTEXT.Pipe()
+        self._process = CONTEXT.Process(target=_solve, args=(theirs, recording), name="handscope self-calibration", daemon=True)
+        self._process.start()
+        theirs.close()
+
+    @property
+    def over(self) -> bool:
+        return self.found is not None or bool(self.refusal)
+
+    def look(self) -> None:
+        """Hear what the process has told since the last time; never waits."""
+        try:
+            while not self.over and self._pipe.poll():
+                kind, value = self._pipe.recv()
+                setattr(self, kind, value)
+        except (EOFError, OSError):
+            self.refusal = self.refusal or ENDED
+        if not self.over and time.monotonic() - self._begun > LONGEST:
+            self.refusal = TOO_LONG
+        if self.over:
+            self.close()
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+
+def _solve(pipe: Connection, recording: LoadedRecording) -> None:
+    """In the process: what it tells is the name of what is known now and its value."""
+    heed_the_server_alone()
+    with contextlib.suppress(BrokenPipeError, OSError):
+        pipe.send(_outcome(recording, lambda share: pipe.send(("share", share))))
+
+
+def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
+    from handscope.app.report.sections.self_calibration import found_of
+    from handscope.estimators.methods import BATCH
+    from handscope.estimators.pipeline.process import process
+
+    with contextlib.suppress(ImportError):
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(1)
+    method = BATCH["map"]
+    try:
+        processed = process(method, method.Params(), recording, progress=progress)
+    except InputError as refused:
+        return "refusal", str(refused)
+    except OSError:
+        raise
+    except Exception:
+        log.exception("self-calibration")
+        return "refusal", ENDED
+    found = found_of(processed.calibrations[0], processed.told)
+    return ("refusal", "; ".join(processed.told) or ENDED) if found is None else ("found", found)

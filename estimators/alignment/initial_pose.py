@@ -1,0 +1,301 @@
+"""Calibration from one pose held still: gyroscope biases, sensor headings against the hand and, if wanted, the whole sensor-to-segment rotation.
+
+In      at least 3 s of samples with index..little straight, the thumb straight and either aligned with the fingers or at a known CMC angle
+Out     Calibration: orientations of all sensors at the start of the pose, q_BS, biases, how still it was
+Source  Salchow-Hoemmen 2019, 2.4.2 (`heading`); the whole relative orientation (`full`) goes beyond the paper
+Limits  a pose that is not the one asked for becomes an offset of every angle; a slow turn about the vertical looks like a bias; of a misaligned sensor
+        the part about the vertical cannot be seen
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.data.calibration import Calibration, SensorQuality
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.orientation.fusion import upright
+from handscope.estimators.orientation.resampling import measured_rates
+from handscope.estimators.sensors.missing_samples import complete
+
+RATE_DOUBT = 0.02  # of the rate: the oscillator of a sensor is good for 1 % (MPU-9250 specification, table 3)
+QUARTERS = 4  # pieces a second, of whose means the standard deviation of a mean is told: longer than a period of tremor
+DIFFERENCES, LEAST_SAMPLES = 8, 60  # of which noise is told
+DEG = np.pi / 180
+THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
+
+
+UNCALIBRATED = "nothing was calibrated: how the sensors sit and where they point is assumed, and every angle may be off by tens of degrees"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseParams:
+    alignment: str = option(
+        "full",
+        "",
+        "what the pose fixes: each sensor's heading against the hand (the paper), its whole orientation (full), that against the inclination in which "
+        "the sensors of hand and fingers agree (common: half the effect of a hand sensor askew, but a strip that is missing changes the others a little)",
+        "heading: Salchow-Hoemmen 2019, 2.4.2; full, common: ours",
+        ("full", "common", "heading"),
+    )
+    pose_duration: float = option(
+        3.0, "s", "shortest pose; of a longer one the stillest such stretch counts", "Salchow-Hoemmen 2019, 2.4.2", least=0.5, most=60.0
+    )
+    pose_rate: float = option(
+        3.0, "deg/s", "largest wander of a sensor's one-second mean angular rate in a still pose", "ours: 1.5 times VQF's rest threshold"
+    )
+    pose_tilt: float = option(
+        3.0, "deg", "largest change of gravity's direction in a sensor during a still pose", "ours: the angle that 1 s at 3 deg/s makes"
+    )
+    pose_bias: float = option(
+        20.0, "deg/s", "largest mean rate that may be a gyroscope's bias", "LSM330DLC and MPU-9250 data sheets: zero-rate level 5-20 deg/s"
+    )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The pose taken: when, and the thumb's known CMC angles (all zero: aligned with the fingers)."""
+
+    onset: float  # s
+    duration: float  # s
+    thumb_cmc: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad: flexion, deviation, pronation
+    passive: bool = False  # the therapist laid the hand so
+
+    @property
+    def end(self) -> float:
+        return self.onset + self.duration
+
+
+def pose_of(event: Event) -> Pose:
+    """The pose that an `initial_pose` event describes (docs/motion-bids.md)."""
+    angles = [event.details.get(f"thumb_cmc_{name}_deg") for name in joint_angles.ANGLES]
+    try:
+        known = [0.0 if a is None else float(a) for a in angles]
+        if not np.isfinite(known).all():
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InputError(
+            f"the initial pose at {event.onset:.1f} s gives the thumb's angles {angles}; they are numbers of degrees"
+        ) from None
+    return Pose(event.onset, event.duration, (known[0] * DEG, known[1] * DEG, known[2] * DEG), event.details.get("held_by") == THERAPIST)
+
+
+def segments_in_pose(pose: Pose) -> dict[str, Array]:
+    """Orientation of every segment on the hand (4,) while the pose is held; the wrist is neutral."""
+    thumb = joint_angles.compose(np.array(pose.thumb_cmc))
+    return {segment: thumb if segment in CHAINS["thumb"] else quat.IDENTITY for segment in SEGMENTS}
+
+
+def calibrate(
+    params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block], pose: Pose
+) -> Calibration:
+    """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is short, incomplete or not still."""
+    window = _stillest(params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose)
+    still = {name: s for b in window for name, s in held(b, params.pose_duration).items()}
+    if "hand" not in still:
+        raise InputError(
+            f"the initial pose at {pose.onset:.1f} s has no samples of the hand's sensor; every other segment is measured against it"
+        )
+    quality = {name: stillness(s) for name, s in still.items()}
+    _refuse_movement(params, quality, pose)
+    q_GS, q_BS = _orient(params, still, mounting, pose, palm_down(hand))
+    bias = {name: s.mean[:3] for name, s in still.items()}
+    quality = {name: _with_misalignment(q, mounting.get(name, quat.IDENTITY), q_BS[name]) for name, q in quality.items()}
+    start, end = min(b.t[0] for b in window if len(b.t)), max(b.t[-1] for b in window if len(b.t))
+    rates = measured_rates(b.between(pose.onset, pose.end) for b in blocks)
+    warnings = (*_warnings(still, mounting, q_GS, pose), *rate_warnings(rates, [b.stream for b in blocks]))
+    north = _norths(q_GS, [b.between(start, end) for b in blocks])
+    source = "initial pose given by the therapist" if pose.passive else "initial pose"
+    return Calibration(hand, geometry, float(start), float(end), q_GS, q_BS, bias, source, quality, warnings, north, rates)
+
+
+def uncalibrated(hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], sensors: Sequence[str], t: float) -> Calibration:
+    """What is known without any pose: the nominal mounting; headings come from magnetometers or are guesses."""
+    nominal = {s: quat.normalize(np.asarray(mounting.get(s, quat.IDENTITY), dtype=float)) for s in sensors if s in SEGMENTS}
+    return Calibration(hand, geometry, t, t, {}, nominal, {}, "none")
+
+
+def guessed(params: PoseParams, hand: Hand, geometry: HandGeometry, mounting: Mapping[str, Array], blocks: Sequence[Block]) -> Calibration:
+    """Without any pose, for a method that needs one: nominal mounting, gravity of this moment, headings as if every segment pointed as the hand does."""
+    window = [b for b in blocks if b.stream.inertial and len(b.t)]
+    still = {name: s for b in window for name, s in held(b).items()}
+    if "hand" not in still:
+        raise InputError("there are no samples of the hand's sensor; every other segment is measured against it")
+    start, end = min(float(b.t[0]) for b in window), max(float(b.t[-1]) for b in window)
+    q_GS, q_BS = _orient(replace(params, alignment="heading"), still, mounting, Pose(start, end - start), palm_down(hand))
+    return Calibration(hand, geometry, start, end, q_GS, q_BS, {}, "none", {}, (UNCALIBRATED,), _norths(q_GS, blocks))
+
+
+def rate_warnings(rates: Mapping[str, float], streams: Sequence[Stream]) -> tuple[str, ...]:
+    """A sentence for each stream whose samples come clearly faster or slower than it says."""
+    named = {s.name: s.rate for s in streams}
+    return tuple(
+        f"{name}: its samples come at {rate:.4g} Hz and not at {named[name]:.4g} as it says; they are counted as they come"
+        for name, rate in rates.items()
+        if abs(rate / named[name] - 1.0) > RATE_DOUBT
+    )
+
+
+def _norths(q_GS: Mapping[str, Array], blocks: Sequence[Block]) -> dict[str, float]:
+    """Heading of magnetic north (rad, from the global y axis towards x) in each magnetometer's mean over the pose."""
+    found = {}
+    for block in (b for b in blocks if MAG in b.stream.quantities):
+        for k, name in enumerate(block.stream.sensors):
+            mag = block.of(MAG)[:, k]
+            mag = mag[np.isfinite(mag).all(axis=1)]
+            if name in q_GS and len(mag):
+                x, y, _ = quat.rotate(q_GS[name], mag.mean(axis=0))
+                found[name] = float(np.arctan2(x, y))
+    return found
+
+
+@dataclass(frozen=True)
+class _Still:
+    """One sensor's samples in the pose: their mean and the means of its one-second pieces, gyroscope then accelerometer."""
+
+    mean: Array  # (6,)
+    pieces: Array  # (pieces, 6)
+    rate_sd: float | None  # rad/s, of the mean of each gyroscope axis
+    rate_noise: float | None  # rad/s/sqrt(Hz)
+
+
+def held(block: Block, duration: float = 0.0) -> dict[str, _Still]:
+    """The sensors that gave at least half of the block's samples and of those that `duration` s have."""
+    values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
+    pieces, least = max(1, round(len(block.t) / block.stream.rate)), max(2.0, 0.5 * len(block.t), 0.5 * duration * block.stream.rate)
+    found = {}
+    whole = complete(block)
+    for k, name in enumerate(block.stream.sensors):
+        samples = values[whole[:, k], k]
+        if name in SEGMENTS and len(samples) >= least:
+            sure = _mean_sd(samples[:, :3], QUARTERS * pieces), white_noise(samples[:, :3], block.stream.rate)
+            found[name] = _Still(samples.mean(axis=0), np.array([p.mean(axis=0) for p in np.array_split(samples, pieces) if len(p)]), *sure)
+    return found
+
+
+def _mean_sd(samples: Array, pieces: int) -> float | None:
+    """Standard deviation of the mean of samples (n, 3), one of all axes, as the means of their pieces scatter; None where pieces are too short."""
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    means = np.array([p.mean(axis=0) for p in np.array_split(samples, pieces)])
+    return float(np.sqrt(means.var(axis=0, ddof=1).mean() / pieces))
+
+
+def white_noise(samples: Array, rate: float) -> float | None:
+    """Density of the white noise in samples (n, axes) at `rate` Hz, in their unit per sqrt(Hz); None where there are too few samples.
+
+    The eighth differences pass what is near the highest frequency alone: of a tremor at a tenth of the rate 2e-4 of its size. A sensor that filters
+    its samples more narrowly than their rate shows less than it has.
+    """
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    differences = np.diff(samples, DIFFERENCES, axis=0)
+    return float(np.sqrt((differences**2).mean() / math.comb(2 * DIFFERENCES, DIFFERENCES) / (rate / 2)))
+
+
+def _stillest(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
+    """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it is not longer."""
+    longest = max((b.t[-1] - b.t[0] + 1 / b.stream.rate for b in window if len(b.t)), default=0.0)
+    if longest < params.pose_duration - 0.05:
+        raise InputError(
+            f"the initial pose at {pose.onset:.1f} s has {longest:.1f} s of samples, {params.pose_duration:g} s are needed; hold the pose longer"
+        )
+    slack = longest - params.pose_duration
+    if slack < 0.25:
+        return window
+    starts = min(b.t[0] for b in window if len(b.t)) + np.arange(0.0, slack, 0.1)
+    best = float(min(starts, key=lambda s: _restless([b.between(s, s + params.pose_duration) for b in window], params.pose_duration)))
+    return [b.between(best, best + params.pose_duration) for b in window]
+
+
+def _restless(blocks: list[Block], duration: float) -> tuple[int, float]:
+    """How many sensors lack more than a tenth of their samples in a stretch, and how much the gyroscopes of the others vary: the least is the best."""
+    lacking, spread = 0, 0.0
+    for block in blocks:
+        gyr, whole = block.of(GYR), complete(block)
+        for k in range(len(block.stream.sensors)):
+            samples = gyr[whole[:, k], k]
+            if len(samples) < 0.9 * duration * block.stream.rate:
+                lacking += 1
+            else:
+                spread += float(samples.var(axis=0).sum())
+    return lacking, spread
+
+
+def stillness(still: _Still) -> SensorQuality:
+    """How still one sensor was held."""
+    rates = still.pieces[:, :3] - still.mean[:3]
+    direction = still.pieces[:, 3:] / np.linalg.norm(still.pieces[:, 3:], axis=1, keepdims=True)
+    tilt = max(float(np.arccos(np.clip(d @ direction.T, -1, 1)).max()) for d in direction)
+    wander, bias = float(np.linalg.norm(rates, axis=1).max()), float(np.linalg.norm(still.mean[:3]))
+    return SensorQuality(wander, tilt, bias, 0.0, bias_sd=still.rate_sd, rate_noise=still.rate_noise)
+
+
+def _refuse_movement(params: PoseParams, quality: Mapping[str, SensorQuality], pose: Pose) -> None:
+    limits = {
+        "rate_wander": ("turned at", "deg/s", params.pose_rate),
+        "tilt_change": ("tilted by", "deg", params.pose_tilt),
+        "bias": ("turned steadily at", "deg/s", params.pose_bias),
+    }
+    for what, (verb, unit, limit) in limits.items():
+        worst = max(quality, key=lambda name: getattr(quality[name], what))
+        value = getattr(quality[worst], what) / DEG
+        if value > limit:
+            raise InputError(
+                f"the hand was not still in the initial pose at {pose.onset:.1f} s: {worst} {verb} {value:.1f} {unit} (limit {limit:g}); hold the pose still and record it again"
+            )
+
+
+def _orient(
+    params: PoseParams, still: Mapping[str, _Still], mounting: Mapping[str, Array], pose: Pose, q_GH_guess: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Sensor orientations with gravity's inclination and the pose's heading, and the sensor-to-segment rotations."""
+    nominal = {name: quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float)) for name in still}
+    on_hand, q_GS, q_BS = segments_in_pose(pose), {}, {}
+    agreeing = [name for name in still if name != "forearm"] if params.alignment == "common" else ["hand"]
+    q_GH = upright(q_GH_guess, _up_in_hand(still, nominal, on_hand, agreeing))
+    for name, samples in still.items():
+        q_GB = quat.multiply(q_GH, on_hand[name])
+        q_GS[name] = upright(quat.multiply(q_GB, nominal[name]), samples.mean[3:])
+        q_BS[name] = quat.relative(q_GB, q_GS[name]) if params.alignment != "heading" else nominal[name]
+    return q_GS, q_BS
+
+
+def _up_in_hand(still: Mapping[str, _Still], nominal: Mapping[str, Array], on_hand: Mapping[str, Array], names: Sequence[str]) -> Array:
+    """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own way, and the pose makes their segments agree."""
+    ups = [quat.rotate(quat.multiply(on_hand[n], nominal[n]), still[n].mean[3:] / np.linalg.norm(still[n].mean[3:])) for n in names]
+    return np.asarray(np.median(ups, axis=0))
+
+
+def palm_down(hand: Hand) -> Array:
+    """Orientation of a hand that lies palm down with the fingers along the global y axis: where headings start to count."""
+    sign = 1.0 if hand == "left" else -1.0
+    return quat.from_matrix(np.column_stack([(0, 0, sign), (0, sign, 0), (-1, 0, 0)]))
+
+
+def _with_misalignment(q: SensorQuality, nominal: Array, q_BS: Array) -> SensorQuality:
+    return replace(q, misalignment=float(quat.angle(quat.relative(nominal, q_BS))))
+
+
+def _warnings(still: Mapping[str, _Still], mounting: Mapping[str, Array], q_GS: Mapping[str, Array], pose: Pose) -> tuple[str, ...]:
+    said = []
+    for name, samples in still.items():
+        g = float(np.linalg.norm(samples.mean[3:]))
+        if abs(g - GRAVITY) > 1.0:
+            said.append(f"{name}: the resting accelerometer reads {g:.1f} m/s^2 instead of {GRAVITY:.1f}; check its calibration")
+    return tuple(said)
+
+
+def reoriented(calibration: Calibration, beginning: Sequence[Block]) -> dict[str, Array]:
+    """Orientations of the sensors at another moment (4,) by segment: inclination from these samples, headings as in the calibration's pose."""
+    still = {name: s for b in beginning for name, s in held(b).items()}
+    return {name: upright(q_GS, still[name].mean[3:]) for name, q_GS in calibration.q_GS.items() if name in still}

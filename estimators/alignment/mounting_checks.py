@@ -1,0 +1,275 @@
+"""Sensors that sit turned against their nominal mounting, and strips that are exchanged, from the initial pose and the first flexions.
+
+In      samples of all inertial streams, one block each; the pose's stretch; nominal mounting
+Out     Findings: which of the 24 right-angled turns a sensor has, which strips are exchanged
+Source  gravity in the pose and the axis of a hinge in flexion are what Salchow-Hoemmen 2019, 2.4.2, and Kortier's thesis, (2.34), calibrate with; rules ours
+Limits  turned: with the palm level gravity does not show a turn about the vertical, only the flexions do; with the palm upright a turn about the
+        flexion axis is seen by neither. The hand's own sensor is judged against the fingers': with fewer than three other sensors nothing is said.
+        exchanged: thumb and finger by gravity where the pose spreads the thumb, fingers among each other only by what they were told to do: the order of
+        `wiggle`, the one finger that a task is named after, the index in `tapping`. In a free recording two fingers' strips exchanged look like two
+        fingers that moved so.
+"""
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data.findings import Finding
+from handscope.estimators.data.samples import ACC, GYR, Block, Event
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+OFF = np.radians(45.0)  # from here on the next right angle is nearer than the nominal mounting
+EXCHANGED = np.radians(30.0)  # mean misfit of two strips in their own places ...
+FITS = np.radians(25.0)  # ... and in each other's: twice the 5 to 10 deg of misalignment (Salchow-Hoemmen 2019, 5)
+BENDS = 0.5  # rad/s
+FIRST = 20.0  # s behind the pose that count as the first flexions
+LEAST_BENT = 0.3  # s of bending
+PLANAR = 0.8  # share of the principal axis
+MOVES = 1.0  # rad/s, root mean square of a finger that is told to move
+APART = 0.5  # s between two fingers of a wiggle
+REMOUNT = "mount it as drawn"
+
+
+@dataclass(frozen=True)
+class _Worn:
+    """One sensor with what it saw."""
+
+    nominal: Array  # (4,) q_BS
+    on_hand: Array  # (4,) segment on the hand in the pose
+    up: Array  # (3,) gravity's opposite in the pose, sensor frame
+    t: Array
+    rate: Array  # (n, 3) rad/s behind the pose, bias removed, sensor frame
+
+    def up_on_hand(self, on_hand: Array | None = None) -> Array:
+        """Where the hand's up would be if this sensor sat as it should on a segment that lies so."""
+        return quat.rotate(quat.multiply(self.on_hand if on_hand is None else on_hand, self.nominal), self.up)
+
+    @cached_property
+    def size(self) -> Array:
+        x, y, z = self.rate.T
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def check(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, events: Sequence[Event]) -> list[Finding]:
+    """What is turned and what is exchanged."""
+    told = _told(events)
+    until = max([pose.end + FIRST, *(e.end for e in told)])
+    worn = _worn(blocks, mounting, pose, until)
+    if len(worn) < 4 or "hand" not in worn:
+        return []
+    up = _agreed({n: w.up_on_hand() for n, w in worn.items() if n not in CHAINS["thumb"]})
+    exchanged = _thumb_exchanged(worn, up) or _finger_exchanged(worn, told)
+    spoken = {f.sensor for f in exchanged if f.severity == "fault"}
+    return exchanged + [f for n, w in worn.items() if n not in spoken for f in [_turned(n, w, worn, up)] if f is not None]
+
+
+def _worn(blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose, until: float) -> dict[str, _Worn]:
+    on_hand, found = initial_pose.segments_in_pose(pose), {}
+    for block in (b for b in blocks if b.stream.inertial):
+        still, later = block.between(pose.onset, pose.end), block.between(pose.end, until)
+        for k, name in enumerate(block.stream.sensors):
+            values = still.values[:, k]
+            values = values[np.isfinite(values).all(axis=1)]
+            if name in SEGMENTS and len(values) > 0.5 * len(still.t) > 1:
+                mean = values.mean(axis=0)
+                acc = mean[block.stream.axes(ACC)]
+                if np.linalg.norm(acc) > 1.0:
+                    nominal = quat.normalize(np.asarray(mounting.get(name, quat.IDENTITY), dtype=float))
+                    rate = np.nan_to_num(later.of(GYR)[:, k] - mean[block.stream.axes(GYR)])
+                    found[name] = _Worn(nominal, on_hand[name], acc / np.linalg.norm(acc), later.t, rate)
+    return found
+
+
+def _agreed(up: Mapping[str, Array]) -> Array:
+    """The direction that most sensors agree on: the one with the least median angle to all."""
+    directions = np.array(list(up.values()))
+    apart = np.arccos(np.clip(directions @ directions.T, -1, 1))
+    return np.asarray(directions[int(np.argmin(np.median(apart, axis=1)))])
+
+
+def _between(a: Array, b: Array) -> float:
+    return float(np.arccos(np.clip(a @ b, -1, 1)))
+
+
+def _thumb_exchanged(worn: Mapping[str, _Worn], up: Array) -> list[Finding]:
+    """The thumb's strip and a finger's: each misfits in its own place and fits in the other's."""
+    thumb = [worn[s] for s in CHAINS["thumb"] if s in worn]
+    for finger in FINGERS[1:]:
+        strip = [worn[s] for s in CHAINS[finger] if s in worn]
+        if len(thumb) < 2 or len(strip) < 2:
+            continue
+        own = [np.mean([_between(w.up_on_hand(), up) for w in part]) for part in (thumb, strip)]
+        crossed = [np.mean([_between(w.up_on_hand(o[0].on_hand), up) for w in part]) for part, o in ((thumb, strip), (strip, thumb))]
+        if min(own) > EXCHANGED and max(crossed) < FITS:
+            return _pair("thumb", finger, "in the initial pose each strip lies as the other should", worn)
+    return []
+
+
+def _pair(one: str, other: str, why: str, worn: Mapping[str, _Worn]) -> list[Finding]:
+    sentence = f"the strips of {one} and {other} finger seem to be exchanged: {why}".replace("thumb and", "the thumb and the")
+    fix = f"exchange the strips of {one} and {other}, and record again"
+    return [Finding(s, "swapped", sentence, fix, "fault") for f in (one, other) for s in CHAINS[f] if s in worn]
+
+
+def _finger_exchanged(worn: Mapping[str, _Worn], events: Sequence[Event]) -> list[Finding]:
+    """By what the fingers were told to do."""
+    for event in events:
+        if found := _against_wiggle(worn, event) if _task(event) == "wiggle" else _against_one_finger(worn, event, str(_finger(event))):
+            return found
+    return []
+
+
+def _told(events: Sequence[Event]) -> list[Event]:
+    """The first of each task that says which finger moves."""
+    first: dict[str, Event] = {}
+    for event in sorted(events, key=lambda e: e.onset):
+        if _task(event) == "wiggle" or _finger(event):
+            first.setdefault(_task(event), event)
+    return list(first.values())
+
+
+def _task(event: Event) -> str:
+    return str(event.details.get("task_name", ""))
+
+
+def _finger(event: Event) -> str | None:
+    """The one finger that a task is named after; tapping is the index's. The thumb's strip is told by gravity."""
+    words = re.split("[^a-z]+", _task(event).lower())
+    named = [f for f in FINGERS if f in words]
+    if not named and "tapping" in words:
+        return "index"
+    return named[0] if len(named) == 1 and named[0] != "thumb" else None
+
+
+def _against_wiggle(worn: Mapping[str, _Worn], event: Event) -> list[Finding]:
+    """One finger after the other bends, thumb first: two that bend in each other's turn are exchanged."""
+    turn = {f: when for f in FINGERS if (when := _when(worn, f, event)) is not None}
+    came, due = sorted(turn, key=lambda f: turn[f]), [f for f in FINGERS if f in turn]
+    if len(due) < 3 or min(np.diff(sorted(turn.values()))) < APART:
+        return []
+    wrong = [f for f, g in zip(due, came) if f != g]
+    if len(wrong) == 2:
+        return _pair(wrong[0], wrong[1], "they bent in each other's turn when one finger after the other was to bend", worn)
+    sentence = f"the fingers bent in the order {', '.join(came)} when they were to bend from the thumb to the little finger"
+    return [
+        Finding(s, "swapped", sentence, "check which strip is on which finger, and record again", "warning")
+        for f in wrong
+        for s in CHAINS[f][:1]
+    ]
+
+
+def _when(worn: Mapping[str, _Worn], finger: str, event: Event) -> float | None:
+    """The middle of the time at which a finger bent, None where it did not or all the time."""
+    bend = _bending(worn, finger)
+    if bend is None:
+        return None
+    t, speed = bend
+    inside = (t >= event.onset) & (t < event.end)
+    weight = np.where(inside & (speed > 0.3 * BENDS), speed**2, 0.0)
+    if weight.sum() < 10 * BENDS**2:
+        return None
+    middle = float(np.average(t, weights=weight))
+    return middle if np.sqrt(np.average((t - middle) ** 2, weights=weight)) < 2 * APART else None
+
+
+def _bending(worn: Mapping[str, _Worn], finger: str) -> tuple[Array, Array] | None:
+    """How fast (rad/s) the end of a finger turns against its beginning, whatever their frames."""
+    first, last = CHAINS[finger][0], CHAINS[finger][-1]
+    if first not in worn or last not in worn or len(worn[first].t) != len(worn[last].t):
+        return None
+    return worn[first].t, np.abs(worn[last].size - worn[first].size)
+
+
+def _against_one_finger(worn: Mapping[str, _Worn], event: Event, finger: str) -> list[Finding]:
+    """One finger moves: another that moves three times as much has its strip."""
+    moved = {}
+    for other in FINGERS[1:]:
+        w = worn.get(CHAINS[other][-1])
+        if w is not None and (inside := (w.t >= event.onset) & (w.t < event.end)).sum() > 50:
+            moved[other] = float(np.sqrt(np.mean(w.size[inside] ** 2)))
+    most = max(moved, key=lambda f: moved[f], default=finger)
+    if finger not in moved or most == finger or moved[most] < max(3 * moved[finger], MOVES):
+        return []
+    return _pair(finger, most, f"in {_task(event)} the {most} finger's strip moved and the {finger} finger's did not", worn)
+
+
+def _turned(name: str, w: _Worn, worn: Mapping[str, _Worn], up: Array) -> Finding | None:
+    """The right-angled turn that explains gravity in the pose and the axis of flexion better than the nominal mounting does."""
+    expected, axis = quat.rotate(quat.conjugate(quat.multiply(w.on_hand, w.nominal)), up), _flexion_axis(name, worn)
+    z = quat.rotate(quat.conjugate(w.nominal), np.array([0.0, 0, 1]))
+
+    def misfit(turn: Array) -> float:
+        back = quat.conjugate(turn)
+        return max(_between(quat.rotate(back, expected), w.up), 0.0 if axis is None else _between(quat.rotate(back, z), axis))
+
+    as_drawn = misfit(quat.IDENTITY)
+    if as_drawn < OFF:
+        return None
+    best = min(
+        RIGHT_ANGLES, key=lambda q: (misfit(q) > FITS, round(float(quat.angle(q)), 3), misfit(q))
+    )  # of those that fit the least turn
+    if as_drawn - misfit(best) < OFF / 2:
+        return None
+    angle, q = round(float(np.degrees(quat.angle(best)))), quat.normalize(quat.multiply(w.nominal, best))
+    seen = "gravity in the pose and the first flexions say" if axis is not None else "gravity in the pose says"
+    about = "" if axis is None else f" about {_axis_words(best)}"
+    sentence = f"it sits turned by about {angle} deg{about} against its nominal mounting, {seen}"
+    fix = f"{REMOUNT} and take the pose again" + (
+        "" if axis is None else f", or set its mounting to {[round(float(x), 3) + 0.0 for x in q]}"
+    )
+    return Finding(name, "turned", sentence, fix, "fault")
+
+
+def _flexion_axis(name: str, worn: Mapping[str, _Worn]) -> Array | None:
+    """Axis (3,) about which the sensor turned when its finger first bent, with the sign of flexion; None where nothing bent in a plane.
+
+    The thumb's carpometacarpal joint has no fixed axis: only what its two hinges do while its metacarpal rests counts.
+    """
+    finger = name.split("_")[0]
+    if finger not in CHAINS or name not in CHAINS[finger] or name == "thumb_metacarpal" or (bend := _bending(worn, finger)) is None:
+        return None
+    w, hand, base = worn[name], worn["hand"], worn[CHAINS[finger][0]]
+    if len(w.t) != len(bend[0]) or len(w.t) < 10:
+        return None
+    first = slice(int(np.searchsorted(w.t, w.t[0] + FIRST)))
+    t, size, rate = w.t[first], w.size[first], w.rate[first]
+    period = float(np.median(np.diff(t)))
+    hand_moves = np.interp(t, hand.t, hand.size) if len(hand.t) > 1 else np.zeros(len(t))
+    bent = (bend[1][first] > BENDS) & (size > BENDS) & (hand_moves < 0.25 * size)
+    bent &= base.size[first] < 0.3 * size if finger == "thumb" else True
+    if bent.sum() * period < LEAST_BENT:
+        return None
+    spread, axes = np.linalg.eigh(rate[bent].T @ rate[bent])
+    if spread[-1] < PLANAR * spread.sum():
+        return None
+    axis = axes[:, -1]
+    turned = np.cumsum(np.where(hand_moves < BENDS, rate @ axis, 0.0)) * period
+    forth, back = float(turned.max()), float(-turned.min())  # from straight a finger can only flex far
+    return None if max(forth, back) < 2 * min(forth, back) else np.asarray(axis if forth > back else -axis)
+
+
+def _right_angles() -> list[Array]:
+    """The 24 turns that take axes to axes, least first."""
+    found: list[Array] = []
+    for order in itertools.permutations(np.eye(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            R = np.array(order) * np.array(signs)[:, None]
+            if np.linalg.det(R) > 0:
+                found.append(quat.from_matrix(R))
+    return sorted(found, key=lambda q: float(quat.angle(q)))
+
+
+RIGHT_ANGLES = _right_angles()
+
+
+def _axis_words(q: Array) -> str:
+    axis = q[1:] / np.linalg.norm(q[1:])
+    k = int(np.argmax(np.abs(axis)))
+    return f"its {'-' if axis[k] * (1 if q[0] >= 0 else -1) < 0 else ''}{'xyz'[k]} axis" if abs(axis[k]) > 0.9 else "a diagonal axis"

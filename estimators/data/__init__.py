@@ -1,0 +1,1 @@
+"""What flows: blocks of samples, events, calibrations, trajectories, findings, and the options of methods."""

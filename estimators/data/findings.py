@@ -1,0 +1,31 @@
+"""Something wrong with a sensor, said so that a person can put it right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from handscope.estimators.data.samples import Block, join
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One fault of one sensor; `fault` means that its segment is not to be trusted, `warning` that it may be."""
+
+    sensor: str
+    kind: Literal["turned", "swapped", "dead_axis", "stuck", "saturated", "magnetometer", "gravity", "bias"]
+    sentence: str  # what was found, beginning after the sensor's name
+    fix: str  # what to do
+    severity: Literal["fault", "warning"]
+    spans: tuple[tuple[float, float], ...] = ((-float("inf"), float("inf")),)  # s, when it holds
+
+    @property
+    def said(self) -> str:
+        return f"{self.sensor}: {self.sentence}; {self.fix}"
+
+
+def whole_streams(blocks: Sequence[Block]) -> list[Block]:
+    """One block a stream, in order of the streams' first blocks."""
+    parts: dict[str, list[Block]] = {}
+    for block in blocks:
+        parts.setdefault(block.stream.name, []).append(block)
+    return [join(p) if len(p) > 1 else p[0] for p in parts.values()]

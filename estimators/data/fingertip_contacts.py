@@ -1,0 +1,68 @@
+"""Points on a fingertip's skin: where it touches what it holds.
+
+In      joint angles or a trajectory, a sized hand, the fingertip's width and thickness
+Out     places (n, 3) of a contact point in the wrist frame WCS, m
+Source  Salchow-Hoemmen 2019, 3.2.1 and Fig. 10; widths and thicknesses: ours, an adult's to the millimetre - the paper measured its subjects',
+        so truth and estimate know the same; how far the skin reaches beyond the bone: the geometry's tip tissue
+Limits  the paper's hand is a left one, palm down: its `left` is the ulnar side, its `right` the radial one, on either hand here
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand import forward_kinematics, joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS, FINGERS, IS_DOF, JOINT, SEGMENT, side_sign
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+
+@dataclass(frozen=True)
+class FingertipSize:
+    """Outer size of the last phalanx, m."""
+
+    width: float
+    thickness: float
+
+
+FINGERTIPS: Mapping[str, FingertipSize] = {
+    "thumb": FingertipSize(0.021, 0.017),
+    "index": FingertipSize(0.017, 0.014),
+    "middle": FingertipSize(0.017, 0.014),
+    "ring": FingertipSize(0.016, 0.013),
+    "little": FingertipSize(0.014, 0.012),
+}
+POINTS = ("left", "right", "bottom", "distal")
+
+
+def contact_points(angles: Array, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:
+    """Places (n, 3) in WCS from joint angles (n, joints, 3); an angle that is no freedom of its joint counts as zero."""
+    q_pc = joint_angles.compose(np.where(IS_DOF, angles, 0.0))
+    q = q_pc[..., JOINT["wrist"], :]
+    q = np.where(np.isnan(q), quat.IDENTITY, q)  # an unknown wrist counts as neutral, as in forward kinematics
+    for joint in FINGER_JOINTS[finger]:
+        q = quat.multiply(q, q_pc[..., JOINT[joint], :])
+    tips = forward_kinematics.tips(q_pc, geometry)[..., FINGERS.index(finger), :]
+    return np.asarray(tips + quat.rotate(q, offset(geometry, finger, point, fingertip)))
+
+
+def contact_points_of(trajectory: Trajectory, geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:
+    """The same of a trajectory, from its tips and segment orientations: with all that a method without joint constraints leaves in them."""
+    q_GW = trajectory.q_GS[:, SEGMENT["forearm"]]
+    q_GW = np.where(np.isnan(q_GW), trajectory.q_GS[:, SEGMENT["hand"]], q_GW)  # without a forearm sensor WCS moves with the hand
+    q_WD = quat.relative(q_GW, trajectory.q_GS[:, SEGMENT[CHAINS[finger][-1]]])
+    return np.asarray(trajectory.tips[:, FINGERS.index(finger)] + quat.rotate(q_WD, offset(geometry, finger, point, fingertip)))
+
+
+def offset(geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:
+    """From the end of the distal bone to the contact point (3,), in the distal phalanx' frame."""
+    dorsal_distal_ulnar = {
+        "left": (0.0, 0.0, 0.5 * fingertip.width),
+        "right": (0.0, 0.0, -0.5 * fingertip.width),
+        "bottom": (-0.5 * fingertip.thickness, 0.0, 0.0),
+        "distal": (0.0, geometry.tip_tissue[finger], 0.0),
+    }[point]
+    return side_sign(geometry.hand) * np.array(dorsal_distal_ulnar)

@@ -1,0 +1,180 @@
+"""The one result type: how the hand moved. Scene, measures, report and export read only this."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from enum import IntFlag
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS, Hand
+from handscope.estimators.numerics.quaternions import Array
+
+
+class Flag(IntFlag):
+    """What is to be known about a segment's sample before it is trusted."""
+
+    MISSING = 1  # no sensor sample at this time: bridged or held
+    HEADING_LOST = 2  # a gap too long to bridge: the segment's heading is unknown until the next calibration
+    SATURATED = 4  # the gyroscope or accelerometer was at its limit
+    UNCALIBRATED = 8  # no initial pose: heading and alignment are guesses
+    MAGNETIC = 16  # the magnetometer disagreed with the field learnt before
+    FAULTY = 32  # the sensor is broken, turned or exchanged: estimators/sensors/fault_detection.py, mounting_checks.py
+
+
+FLAG_WORDS = {
+    Flag.HEADING_LOST: "heading lost after a gap",
+    Flag.MISSING: "samples missing and bridged",
+    Flag.SATURATED: "sensor at its limit",
+    Flag.UNCALIBRATED: "no calibration",
+    Flag.MAGNETIC: "magnetic disturbance",
+    Flag.FAULTY: "faulty sensor",
+}
+
+
+class ForceFlag(IntFlag):
+    """What is to be known about a fingertip's force before it is trusted."""
+
+    MISSING = 1  # no force sample near: bridged
+    SATURATED = 2  # the force sensor was at its limit
+    DRIFT = 4  # what the sensor reads of nothing changed more than its noise explains
+    UNBALANCED = 8  # the forces do not add up: something that is not measured touches the object
+    SLIP = 16  # the object moved against the fingers
+    UNORIENTED = 32  # how the fingertip is turned was not known
+    SHARED = 64  # what the fingers push against each other does not quite cancel: another may carry part of the load
+
+
+FORCE_WORDS = {
+    ForceFlag.MISSING: "force samples missing and bridged",
+    ForceFlag.SATURATED: "force sensor at its limit",
+    ForceFlag.DRIFT: "force sensor drifts",
+    ForceFlag.UNBALANCED: "forces do not balance: something not measured touches the object, or a force sensor is wrong",
+    ForceFlag.SLIP: "the object slipped",
+    ForceFlag.UNORIENTED: "orientation of the fingertip not known",
+    ForceFlag.SHARED: "the fingers do not quite push against each other: another finger or something else may carry part of the load",
+}
+
+
+class PlaceFlag(IntFlag):
+    """What is to be known about the hand's place before it is trusted."""
+
+    MISSING = 1  # no samples of hand, trunk or magnetometers near
+    OUT_OF_REACH = 2  # the magnet is not heard well enough: the place is known to some centimetres at best
+    DOUBTFUL = 4  # the readings contradict what was told of magnetometers, magnet and room
+    SATURATED = 8  # a magnetometer was at its limit
+
+
+PLACE_WORDS = {
+    PlaceFlag.DOUBTFUL: "the readings contradict what was told: another magnet or iron near, magnetometers that were never calibrated, or places that are not as told",
+    PlaceFlag.OUT_OF_REACH: "magnet out of reach",
+    PlaceFlag.SATURATED: "magnetometer at its limit: the magnet was too near",
+    PlaceFlag.MISSING: "samples of trunk or magnetometers missing",
+}
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Samples of the hand's movement; NaN where a segment is not measured."""
+
+    hand: Hand
+    t: Array  # (n,) s from the start of the recording
+    angles: Array  # (n, joints, 3) rad: flexion, deviation, pronation of hand_anatomy.JOINTS; NaN where a joint has no such freedom
+    q_GS: Array  # (n, segments, 4) segment orientations in the global frame
+    tips: Array  # (n, 5, 3) m, ends of the distal bones in the wrist frame WCS, thumb first
+    flags: NDArray[np.uint8]  # (n, segments) Flag bits
+    angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
+    tips_sd: Array | None = None  # (n, 5, 3) m
+    forces: Array | None = None  # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not measured
+    forces_sd: Array | None = None  # (n, 5, 3) N
+    forces_alike_sd: Array | None = None  # (n, 5, 3) N, of that what a hold does not average out: zero, scale, orientation
+    force_flags: NDArray[np.uint8] | None = None  # (n, 5) ForceFlag bits
+    force_scale_sd: Array | None = None  # (n, 5) share of each force that may be wrong in all samples alike, where a sensor was calibrated
+    torques: Array | None = (
+        None  # (n, 5, 3) Nm, exerted by each fingertip about its force sensor's origin, in the global frame; of sensors with six axes
+    )
+    torques_sd: Array | None = None  # (n, 5, 3) Nm
+    lifting: Array | None = None  # (n, 3) m/s^2, mean specific force g + a of the fingertips with force sensors, in the global frame
+
+    place: Array | None = None  # (n, 3) m, the hand's sensor from the trunk's, trunk's axes: forward, up, right; NaN where not known
+    place_sd: Array | None = None  # (n, 3) m
+    place_flags: NDArray[np.uint8] | None = None  # (n,) PlaceFlag bits
+    q_trunk: Array | None = None  # (n, 4) of the trunk, z up, y where the horizontal field points: not the heading of q_GS
+    q_trunk_sd: Array | None = None  # (n, 3) rad about the axes of the trunk's sensor
+    signal: Array | None = None  # (n,) dB of the magnetometer that hears most, (5.23); 0: the earth's field alone
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def between(self, start: float, stop: float) -> "Trajectory":
+        """The samples with start <= t < stop."""
+        first, last = np.searchsorted(self.t, [start, stop])
+        return self._each(lambda a: a[first:last])
+
+    def at(self, rows: "NDArray[np.intp]") -> "Trajectory":
+        """The samples of these rows."""
+        return self._each(lambda a: a[rows])
+
+    def without(self, spans: Iterable[tuple[float, float]]) -> "Trajectory":
+        """The samples outside these stretches of time [start, stop]."""
+        kept = np.ones(len(self), bool)
+        for start, stop in spans:
+            kept &= (self.t < start) | (self.t > stop)
+        return self if kept.all() else self._each(lambda a: a[kept])
+
+    def reversed(self) -> "Trajectory":
+        """The same samples in reverse order."""
+        return self._each(lambda a: a[::-1])
+
+    def _each(self, change: "object") -> "Trajectory":
+        assert callable(change)
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Trajectory(**{name: change(v) if isinstance(v, np.ndarray) else v for name, v in values.items()})
+
+
+@cache
+def empty(hand: Hand) -> Trajectory:
+    """The trajectory without samples."""
+    n_joints, n_segments = len(JOINTS), len(SEGMENTS)
+    return Trajectory(
+        hand,
+        np.empty(0),
+        np.empty((0, n_joints, 3)),
+        np.empty((0, n_segments, 4)),
+        np.empty((0, len(FINGERS), 3)),
+        np.empty((0, n_segments), np.uint8),
+    )
+
+
+def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
+    """One trajectory of consecutive pieces; those of a generator are let go as they come, so that the memory is not doubled. One alone is itself."""
+    full: list[Trajectory] = [p for p in pieces if len(p)] if isinstance(pieces, list) else []
+    if len(full) == 1:
+        return full[0]
+    grown: dict[str, Array] = {}
+    partial: set[str] = set()  # standard deviations that not every piece has
+    rows = 0
+    for piece in pieces:
+        if len(piece):
+            for name in (f.name for f in fields(Trajectory) if f.name != "hand"):
+                if (values := getattr(piece, name)) is None or (rows and name not in grown):
+                    partial.add(name)
+                else:
+                    grown[name] = _appended(grown.get(name), rows, values)
+            rows += len(piece)
+    if not rows:
+        return empty(hand)
+    for values in grown.values():
+        values.resize((rows, *values.shape[1:]), refcheck=False)
+    return Trajectory(hand, **{name: None if name in partial else grown[name] for name in (*grown, *partial)})  # type: ignore[arg-type]
+
+
+def _appended(grown: Array | None, rows: int, values: Array) -> Array:
+    """`values` behind the first `rows` rows of an array that owns its memory and grows in place."""
+    if grown is None:
+        grown = np.empty((0, *values.shape[1:]), values.dtype)
+    needed = rows + len(values)
+    if needed > len(grown):
+        grown.resize((max(needed, len(grown) * 9 // 8), *grown.shape[1:]), refcheck=False)  # the system moves pages, it copies nothing
+    grown[rows:needed] = values
+    return grown

@@ -1,0 +1,1 @@
+"""The error-state Kalman filter of the fingers (Kortier, thesis, chapter 2)."""

@@ -1,0 +1,67 @@
+"""How far the vertical that sensors see may be off: more where they have turned fast, and by the accelerometers' biases once they lie another way.
+
+In      verticals as a chain's sensors see them, how fast they turn
+Out     variances of their errors, and what constant biases of accelerometers make of the joints
+Source  a bias b turns the vertical u that a sensor sees by u x b / g. The pose takes what it makes there for how the sensor sits, so that it does no harm
+        while the sensor lies as it did; later (u - u_0) x b / g is left of it, the same in the sensor's frame as long as it lies so. That size grows with
+        the rate: measured on real trials, docs/decisions/0009-sizes-of-errors.md
+Limits  seats count as straight where biases are told of joints; scales of accelerometers are not told apart from biases
+"""
+
+import numpy as np
+
+from handscope.estimators.finger_ekf.measurements import ACC_BIAS, INCLINATION, INCLINATION_TIME, TURNING
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import spread
+
+
+@inlined
+def seen_row(p: Array, span: float, acc: Array, told: Array, rates: Array, lively: Array, began: Array, lies: Array) -> None:
+    """Over the time that errors of the vertical stay alike: squared rates (4,) and verticals `lies` (4, 3); `began` (4, 3) is the first, 0 before it."""
+    weight = span / max(span, p[INCLINATION_TIME])
+    for s in range(4):
+        lively[s] += weight * (rates[s] ** 2 - lively[s])
+        size = np.sqrt(acc[s, 0] ** 2 + acc[s, 1] ** 2 + acc[s, 2] ** 2)
+        first = began[s, 0] == 0 and began[s, 1] == 0 and began[s, 2] == 0
+        for a in range(3 if told[s] > 0 and size > 0 else 0):
+            if first:
+                began[s, a] = lies[s, a] = acc[s, a] / size
+            else:
+                lies[s, a] += weight * (acc[s, a] / size - lies[s, a])
+
+
+@inlined
+def variances_row(p: Array, lively: Array, variance: Array) -> None:
+    """Of each axis of the vertical in every sensor (4,), rad^2."""
+    for s in range(4):
+        variance[s] = p[INCLINATION] ** 2 + p[TURNING] ** 2 * lively[s]
+
+
+@inlined
+def by_biases_row(p: Array, q_joint: Array, began: Array, lies: Array, of_joints: Array) -> None:
+    """Add to the covariance (9, 9) of the joints' errors what accelerometers' biases do to sensors that lie another way than they began.
+
+    (u - u_0) x b of the child's sensor, -R_cp of its parent's: neighbours share a sensor.
+    """
+    biases, G, R, added, u = np.zeros((12, 12)), np.zeros((9, 12)), np.empty((3, 3)), np.empty((9, 9)), np.empty(3)
+    size = (p[ACC_BIAS] / GRAVITY) ** 2
+    for s in range(4):
+        for a in range(3):
+            u[a] = lies[s, a] - began[s, a]
+        squared = u[0] ** 2 + u[1] ** 2 + u[2] ** 2
+        for a in range(3):
+            for b in range(3):
+                biases[3 * s + a, 3 * s + b] = size * ((squared if a == b else 0.0) - u[a] * u[b])
+    for j in range(3):
+        quat.matrix_row(q_joint[j], u, R)
+        for a in range(3):
+            G[3 * j + a, 3 * j + 3 + a] = 1.0
+            for b in range(3):
+                G[3 * j + a, 3 * j + b] = -R[b, a]
+    spread(G, biases, added)
+    for i in range(9):
+        for k in range(9):
+            of_joints[i, k] += added[i, k]

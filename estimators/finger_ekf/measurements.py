@@ -1,0 +1,259 @@
+"""What a chain's sensors and joints say: measurements of an error-state filter with their Jacobians.
+
+In      of one chain the rotations between sensors, gravity or specific forces in their frames (4, 3), how fast they turn (4,); the true joints
+Out     rows for a Kalman update: what was missed, its Jacobian H by the 42 error states, its noise; rows that are not used have zero Jacobians and miss
+        nothing
+Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates, (2.29)-(2.32) what joints cannot do, written for angles:
+        the same for small ones, and ranges of motion fit in; zero-rate updates as VQF has them (Laidig & Seel 2023)
+Limits  time-correlated noise counts as white noise of as much more variance as the time it lasts is longer than the time between two updates
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.options import option
+from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
+from handscope.estimators.hand import anatomy as hand_anatomy
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import DEVIATION, FINGER_JOINTS, FINGERS, FLEXION, IS_DOF, JOINT, PRONATION
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.jit import inlined, rowwise
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import variance_of
+
+SETTLED = 20.0  # s over which the vertical is taken where turns about it must not be seen: VQF's errors stay alike for 3
+FAR = math.cos(math.radians(10.0))  # cosine between verticals that cannot be the same
+STEEPEST = math.radians(80.0)  # at 90 deg of deviation flexion and pronation are one
+_CHAINS = [
+    *([JOINT[j] for j in FINGER_JOINTS[f]] for f in FINGERS),
+    [JOINT["wrist"]] * 3,
+]  # the wrist's has one joint: the others are never known
+IS_FREE: NDArray[np.bool_] = IS_DOF[np.array(_CHAINS)]  # (6 chains, 3 joints, 3 angles)
+LIMITS: Array = hand_anatomy.LIMITS[np.array(_CHAINS)]  # (6, 3, 3, 2) rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpdateParams:
+    vertical: str = option(
+        "fused",
+        "",
+        "which way is up for a sensor: as its own fusion has it (VQF), or its accelerometer where the thesis' gates let it pass",
+        "accelerometers: Kortier thesis, (2.25)-(2.28); fused: ours, not disturbed by movement",
+        ("fused", "accelerometers"),
+    )
+    inclination: float = option(
+        0.18,
+        "deg",
+        "error of gravity's direction as a sensor's fusion sees it, each axis, of a sensor that hardly turns; without what an accelerometer's bias makes of it",
+        "VQF on ten BROAD trials: docs/decisions/0009-sizes-of-errors.md",
+        least=0.01,
+    )
+    inclination_by_rate: float = option(
+        0.0016,
+        "s",
+        "how much larger that error is, in rad, for a rate in rad/s (root mean square)",
+        "VQF on ten BROAD trials: docs/decisions/0009-sizes-of-errors.md",
+        least=0.0,
+    )
+    acc_bias: float = option(
+        0.05,
+        "m/s^2",
+        "bias of an accelerometer axis: what it does to the vertical of a sensor that lies another way than in the pose is part of the standard deviations",
+        "MPU-9250 specification, table 2, after a calibration of the strip; size ours, as angle_sd",
+        least=0.0,
+    )
+    inclination_time: float = option(3.0, "s", "time over which that error stays alike", "VQF's tauAcc", least=0.0)
+    acc_noise: float = option(0.04, "m/s^2", "white noise of an accelerometer axis", "Kortier thesis, Table 2.1", least=1e-4)
+    acc_error: float = option(
+        0.1, "m/s^2", "what two accelerometers at rest may differ by else: bias, scale", "ours; of the thesis' model none"
+    )
+    acc_gate: float = option(
+        0.5, "m/s^2", "accelerometers whose magnitudes differ by more are left out", "Kortier thesis, (2.27): eps_a; size ours"
+    )
+    rate_gate: float = option(
+        2.0, "rad/s", "accelerometers of segments that turn faster are left out", "Kortier thesis, (2.28): eps_b; size ours", least=0.01
+    )
+    lever: float = option(
+        0.04, "m", "distance between neighbouring sensors, over which turning makes them feel different accelerations", "ours: a phalanx"
+    )
+    dimensions: bool = option(True, "", "use what the joints cannot do", "Kortier thesis, (2.29)-(2.32); ranges: hand_anatomy.py")
+    dimension_noise: float = option(
+        2.0,
+        "deg",
+        "turn of a true joint about an axis that is no freedom, or beyond its range, and of its sensors beyond seat and skin; more where a recording shows more",
+        "ours; 1e-5 deg in Kortier's Table 2.1, which knows no soft tissue",
+        least=1e-5,
+    )
+    correlation: float = option(
+        1.0, "s", "time over which errors of accelerometers and joints stay alike", "ours: half a movement", least=0.0
+    )
+    rest_rate: float = option(
+        0.5,
+        "deg/s",
+        "a sensor that turns slower for 1.5 s rests",
+        "ours; VQF's 2 deg/s takes the skin's turn over a moving finger for rest, more often one way than the other once a bias is wrong",
+        least=0.01,
+    )
+    creeping: float = option(
+        0.1,
+        "deg/s",
+        "rate at which a sensor that seems to rest still turns, for 1.5 s alike",
+        "ours: as rest_turn; weighs as it does in VQF",
+        least=1e-3,
+    )
+
+
+# places of the options in what a kernel takes of them
+(FUSED, INCLINATION, INCLINATION_TIME, ACC_NOISE, ACC_ERROR, ACC_GATE, RATE_GATE, LEVER) = range(8)
+(DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING, TURNING, ACC_BIAS) = range(8, 15)
+
+
+def numbers(params: UpdateParams) -> Array:
+    """The options in SI units."""
+    of_vectors = params.vertical == "fused", np.radians(params.inclination), params.inclination_time, params.acc_noise, params.acc_error
+    of_gates = params.acc_gate, params.rate_gate, params.lever
+    of_joints = params.dimensions, np.radians(params.dimension_noise), params.correlation
+    of_rests = np.radians(params.rest_rate), np.radians(params.creeping)
+    return np.array([*of_vectors, *of_gates, *of_joints, *of_rests, params.inclination_by_rate, params.acc_bias], float)
+
+
+def angle_jacobian(angles: Array) -> Array:
+    """How flexion, deviation and pronation (..., 3) change with d, q_true = q exp(d): (..., 3 angles, 3)."""
+    return _angle_jacobian(angles, angles)
+
+
+@inlined
+def vectors_row(
+    p: Array,
+    q_pc: Array,
+    acc: Array,
+    up: Array,
+    wrong: Array,
+    rates: Array,
+    usable: Array,
+    span: float,
+    missed: Array,
+    H: Array,
+    noise: Array,
+) -> None:
+    """Rows 0..8, three a joint: both sensors see the same vector acc (4, 3); `usable` (3,) says where both are measured, `wrong` (4,) rad^2 by how
+    much each may be off where fusions tell it.
+
+    Turns about the vertical are not seen. The slopes are taken at `up` (4, 3), the vertical as it was seen over a long time: about the newest, whose
+    errors change all the time, the filter would seem to see them after all (Huang, Mourikis & Roumeliotis 2010, Int J Rob Res 29:502).
+
+    Neighbouring joints share a sensor and its error: what the one joint misses too much the other misses too little.
+    """
+    used, variance, R_pc, v = np.zeros(3), np.empty(3), np.empty((3, 3, 3)), np.empty(3)
+    lasts = max(1.0, (p[INCLINATION_TIME] if p[FUSED] > 0 else p[CORRELATION]) / span)
+    for j in range(3):
+        quat.matrix_row(q_pc[j], v, R_pc[j])
+        if p[FUSED] > 0:
+            used[j], variance[j] = usable[j], GRAVITY**2 * (wrong[j] + wrong[j + 1])
+        else:
+            apart, fastest = abs(_norm(acc[j]) - _norm(acc[j + 1])), max(rates[j], rates[j + 1])
+            if usable[j] > 0 and apart < p[ACC_GATE] and fastest < p[RATE_GATE]:  # (2.27), (2.28)
+                used[j] = 1.0
+            variance[j] = 2 * p[ACC_NOISE] ** 2 + p[ACC_ERROR] ** 2 + apart**2 + (p[LEVER] * fastest**2) ** 2
+        for a in range(3):
+            noise[3 * j + a, 3 * j + a] = lasts * variance[j]
+            v[a] = GRAVITY * up[j + 1, a]
+        if used[j] > 0:
+            vector_jacobian_row(R_pc[j], v, 3 * j, 3 * j, H)
+            for a in range(3):
+                r = R_pc[j, a]
+                missed[3 * j + a] = acc[j, a] - (r[0] * acc[j + 1, 0] + r[1] * acc[j + 1, 1] + r[2] * acc[j + 1, 2])  # (2.25)
+    for j in range(2):
+        both = GRAVITY**2 * wrong[j + 1] if p[FUSED] > 0 else 0.5 * math.sqrt(variance[j] * variance[j + 1])
+        shared = -lasts * both * used[j] * used[j + 1]  # what is not used misses nothing, and tells nothing
+        for a in range(3):
+            for b in range(3):
+                noise[3 * j + a, 3 * j + 3 + b] = noise[3 * j + 3 + b, 3 * j + a] = shared * R_pc[j, a, b]
+
+
+@inlined
+def vector_jacobian_row(R_pc: Array, v_c: Array, row: int, column: int, H: Array) -> None:
+    """How R_pc v_c changes with dth, at its place in H: -R_pc [v_c]x. (2.26)"""
+    for a in range(3):
+        x, y, z = R_pc[a, 0], R_pc[a, 1], R_pc[a, 2]
+        H[row + a, column] = v_c[1] * z - v_c[2] * y
+        H[row + a, column + 1] = v_c[2] * x - v_c[0] * z
+        H[row + a, column + 2] = v_c[0] * y - v_c[1] * x
+
+
+@inlined
+def settled_row(up: Array, turned: Array, acc: Array, told: Array, span: float, settled: Array) -> None:
+    """The vertical (4, 3) over a long time in frames that have turned by `turned` (4, 4), drawn towards what is `told` (4,) now."""
+    back, carried = np.empty(4), np.empty(3)
+    for s in range(4):
+        quat.conjugate_row(turned[s], back)
+        quat.rotate_row(back, up[s], carried)
+        if told[s] > 0:
+            size = _norm(acc[s])
+            along = (carried[0] * acc[s, 0] + carried[1] * acc[s, 1] + carried[2] * acc[s, 2]) / size
+            weight = 1.0 if along < FAR else min(1.0, span / SETTLED)  # far: a beginning, or after a gap
+            for a in range(3):
+                carried[a] += weight * (acc[s, a] / size - carried[a])
+        size = _norm(carried)
+        for a in range(3):
+            settled[s, a] = carried[a] / size if size > 0 else carried[a]
+
+
+@inlined
+def joints_row(
+    p: Array,
+    q: Array,
+    A: Array,
+    P: Array,
+    give: Array,
+    free: Array,
+    limits: Array,
+    known: Array,
+    span: float,
+    missed: Array,
+    H: Array,
+    noise: Array,
+) -> None:
+    """Rows 9..17, three a joint: angles that are no freedom are zero, the others within their range; softly. (2.29)-(2.32)
+
+    Slopes are taken where the joint is allowed to be, so that a hinge never seems to tell its flexion. The end of a range tells only that an angle is
+    below it: its noise is as large as the angle's own, from the covariance P (42, 42) of the error states.
+    """
+    angles, allowed, J = np.empty(3), np.empty(3), np.empty((3, 3))
+    lasts = max(1.0, p[CORRELATION] / span)
+    for j in range(3):
+        joint_angles.decompose_row(q[j], angles, angles)
+        for a in range(3):
+            allowed[a] = min(max(angles[a], limits[j, a, 0]), limits[j, a, 1])
+        angle_jacobian_row(allowed, allowed, J)
+        unsure = max(P[3 * j, 3 * j], P[3 * j + 1, 3 * j + 1], P[3 * j + 2, 3 * j + 2])
+        for a in range(3):
+            row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
+            variance = (give[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2) + 0.5 * unsure * unsure
+            if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
+                missed[row] = outside
+                for k in range(SIZE):
+                    H[row, k] = J[a, 0] * A[3 * j, k] + J[a, 1] * A[3 * j + 1, k] + J[a, 2] * A[3 * j + 2, k]
+                variance += variance_of(H[row], P) if free[j, a] > 0 else 0.0
+            noise[row, row] = variance * lasts
+
+
+@inlined
+def _norm(v: Array) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@rowwise("(a),(v)->(a,v)")
+def _angle_jacobian(angles: Array, row: Array, J: Array) -> None:
+    deviation = min(max(angles[DEVIATION], -STEEPEST), STEEPEST)
+    c, s, cd, td = math.cos(angles[PRONATION]), math.sin(angles[PRONATION]), math.cos(deviation), math.tan(deviation)
+    J[FLEXION, 0], J[FLEXION, 1], J[FLEXION, 2] = -s / cd, 0.0, c / cd
+    J[DEVIATION, 0], J[DEVIATION, 1], J[DEVIATION, 2] = c, 0.0, s
+    J[PRONATION, 0], J[PRONATION, 1], J[PRONATION, 2] = s * td, 1.0, -c * td
+
+
+angle_jacobian_row = _angle_jacobian.row

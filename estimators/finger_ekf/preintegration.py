@@ -1,0 +1,127 @@
+"""What a chain's sensors turn by between two updates of its filter, and how rotations and covariance go on over that.
+
+In      turns of the four sensors at every sample, the biases that are in them, what they may have missed
+Out     turns summed up with their change by the biases; joint rotations q_pc and the covariance of the chain's error states at the end
+Source  Kortier, thesis ch. 2: (2.3)-(2.5), (2.16), (2.20)-(2.22), two-sided; sums with their change by the biases: Forster et al. 2017
+        (IEEE Trans Robot 33:1); exact for piecewise constant rates
+"""
+
+import math
+
+import numpy as np
+
+from handscope.estimators.finger_ekf import sensor_to_segment
+from handscope.estimators.finger_ekf.measurements import ACC_BIAS
+from handscope.estimators.finger_ekf.sensor_to_segment import APART
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.jit import inlined, rowwise
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import block, product, put, spread
+
+# places of the options in what a kernel takes of them
+(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(ACC_BIAS + 1, ACC_BIAS + 7)
+
+
+@rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
+def wound(
+    turn: Array, time: Array, missed: Array, bias: Array, turned: Array, by_bias: Array, bias_time: Array, doubt: Array,
+    after: Array, J: Array, timed: Array, doubted: Array,
+) -> None:  # fmt: skip
+    """Turns summed up, T <- T exp(w), and their change by the biases, J <- R(exp(w))' J - J_r(w) dt: Forster et al. 2017, (36)."""
+    w, step, q, both = np.empty(3), np.empty(4), np.empty(4), np.empty(4)
+    R, Jr, own, back = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for s in range(turned.shape[0]):
+        put(by_bias[s], own)
+        timed[s], doubted[s] = bias_time[s], doubt[s]
+        for a in range(4):
+            q[a] = turned[s, a]
+        for k in range(turn.shape[0]):
+            for a in range(3):
+                w[a] = turn[k, s, a] - bias[s, a] * time[k, s]  # (2.4)
+            quat.exp_row(w, step, step)
+            quat.multiply_row(q, step, both)
+            for a in range(4):
+                q[a], after[k, s, a] = both[a], both[a]
+            quat.conjugate_row(step, both)
+            quat.matrix_row(both, w, R)
+            product(R, own, back)
+            sensor_to_segment.right_jacobian_row(w, Jr)
+            for a in range(3):
+                for b in range(3):
+                    own[a, b] = back[a, b] - Jr[a, b] * time[k, s]
+            timed[s] += time[k, s]
+            doubted[s] += missed[k, s]
+        put(own, J[s])
+
+
+wound_row = wound.row  # as other kernels call it
+
+
+@rowwise("(p),(s,q)->()")
+def alike(p: Array, T: Array, left: Array) -> None:
+    """How much of what the fields at hand and tip differ by is left after their sensors have turned by T (4, 4): another after a radian or so."""
+    w = min(abs(T[0, 0]), abs(T[3, 0]), 1.0)
+    left[0] = math.exp(-2 * math.acos(w)) if p[MAG_ERROR] > 0 else 1.0
+
+
+alike_row = alike.row  # as other kernels call it
+
+
+@inlined
+def window_row(p: Array, span: float, T: Array, J: Array, doubt: Array, q_pc: Array, P: Array, q: Array, P_new: Array) -> None:
+    """How rotations and covariance go on over a window. (2.16), (2.20)-(2.22), not linearised in dt
+
+    With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c - R(q_new)' J_p db_p, and a sensor that turned by e more
+    than it told adds e to the joint whose child it is, -R(q_new)' e to that whose parent it is.
+    """
+    F, G = np.zeros((9, 21)), np.zeros((9, 12))
+    back, R_cp, R_cs, by_parent, row = np.empty(4), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    sensor_to_segment.carried_row(q_pc, T, q)
+    for j in range(3):
+        quat.conjugate_row(q[j], back)
+        quat.matrix_row(back, row, R_cp)
+        quat.conjugate_row(T[j + 1], back)
+        quat.matrix_row(back, row, R_cs)
+        product(R_cp, J[j], by_parent)
+        block(1.0, R_cs, 3 * j, 3 * j, F)
+        block(-1.0, by_parent, 3 * j, 9 + 3 * j, F)
+        block(1.0, J[j + 1], 3 * j, 12 + 3 * j, F)
+        block(-1.0, R_cp, 3 * j, 3 * j, G)
+        for a in range(3):
+            G[3 * j + a, 3 * j + 3 + a] = 1.0
+    Q, across, of_noise = np.zeros((12, 12)), np.empty((9, P.shape[0])), np.empty((9, 9))
+    for k in range(12):
+        w, x, y, z = T[k // 3, 0], T[k // 3, 1], T[k // 3, 2], T[k // 3, 3]
+        angle = 2 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
+        Q[k, k] = p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + doubt[k // 3]
+    spread(G, Q, of_noise)
+    product(F, P, across)
+    put(P, P_new)
+    for i in range(9):
+        for k in range(P.shape[0]):
+            P_new[i, k] = P_new[k, i] = across[i, k]
+    for i in range(9):
+        for k in range(i + 1):
+            of_angles = 0.0
+            for j in range(21):
+                if F[k, j] != 0.0:
+                    of_angles += across[i, j] * F[k, j]
+            P_new[i, k] = P_new[k, i] = of_angles + of_noise[i, k]
+    for k in range(9, 21):
+        P_new[k, k] += p[BIAS_WALK] ** 2 * span
+    if p[MAG_ERROR] > 0:
+        left = np.empty(1)
+        alike_row(p, T, left)
+        for k in range(P.shape[0]):
+            P_new[APART, k] *= left[0]
+            P_new[k, APART] *= left[0]
+        P_new[APART, APART] += 2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
+
+
+@rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
+def carried(p: Array, span: float, turned: Array, by_bias: Array, doubt: Array, q_pc: Array, P: Array, q_new: Array, P_new: Array) -> None:
+    """Over the window of every chain, as `window_row`."""
+    q, C = np.empty((3, 4)), np.empty(P.shape)
+    window_row(p, span, turned.copy(), by_bias.copy(), doubt, q_pc.copy(), P.copy(), q, C)
+    put(q, q_new)
+    put(C, P_new)

@@ -1,0 +1,283 @@
+"""Samples of all sensors at the instants of the rows, as the fingers' filters take them.
+
+In      inertial blocks as they come; rows of fused orientations once every stream has got that far
+Out     finger_ekf.Samples in the frames that the calibration gives the sensors: turns since the row before, the vertical or specific forces, what may
+        have been missed
+Source  ours: where a gyroscope has no good sample (missing, at its limit, of another rate) its turn is that of the fused orientation, which is bridged
+        by estimators/numerics/gap_interpolation.py and tells how much that may have missed; its bias is not in that turn
+Limits  accelerations of a stream with other instants are interpolated over two samples; where a stream's samples are not at the instants of the rows,
+        its gyroscopes' biases are not found
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, beyond_row
+from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.finger_ekf.filter import Samples
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.jit import inlined, rowwise
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import put
+from handscope.estimators.orientation.fusion import LOST_DOUBT
+from handscope.estimators.orientation.resampling import Rows
+from handscope.estimators.sensors.missing_samples import complete_row
+
+MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
+_WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
+SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])  # (6, 4) segments of each chain's sensors
+_SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
+_UNKNOWN: Array = np.full((len(SEGMENTS), 3), np.nan)
+_JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])  # (6, 3) which of them are joints: the wrist's chain has one
+
+
+@dataclass(frozen=True)
+class Worn:
+    """Which of a stream's sensors sit on the hand, and how."""
+
+    columns: NDArray[np.intp]  # of the stream
+    segments: NDArray[np.intp]
+    bias: Array  # (worn, 3) rad/s, as the calibration has it
+    q_BS: Array  # (worn, 4)
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Samples of a stream's sensors on the hand in segment frames, the calibration's biases removed; NaN where not to be used."""
+
+    stream: Stream
+    worn: Worn
+    period: float  # s, between samples as they come
+    t: Array  # (n,)
+    gyr: Array  # (n, worn, 3) rad/s
+    acc: Array  # (n, worn, 3) m/s^2
+    mag: Array | None = None  # (n, worn, 3) uT, where it is asked for
+
+
+@dataclass(frozen=True)
+class State:
+    strange: NDArray[np.bool_]  # (segments,) the pose knows nothing of the sensor, and it has given nothing yet
+    noisy: Array  # (segments,) rad^2/s that its gyroscope's noise turns it by more than the filters assume
+    posed: Array  # (segments, 4) q_GB in the pose, NaN where it is not known
+    pose_end: float  # s, until when they lie so
+    waiting: Mapping[str, Waiting] = field(default_factory=dict)
+    t: float = -np.inf  # s, newest row
+    q_GB: Array | None = None  # (segments, 4) there
+    doubt: Array | None = None  # (segments,) rad^2 there
+
+
+def start(calibration: Calibration, gyr_noise: float) -> State:
+    """Before the first samples; filters count with `gyr_noise`, rad/s/sqrt(Hz), and a sensor that was noisier in the pose misses that much more."""
+    seen = [calibration.quality[s].rate_noise if s in calibration.quality else None for s in SEGMENTS]
+    noisy = np.array([max((n or 0.0) ** 2 - gyr_noise**2, 0.0) / 2 for n in seen])
+    posed = np.full((len(SEGMENTS), 4), np.nan)
+    for s, q_GS in calibration.q_GS.items():
+        if s in calibration.q_BS:
+            posed[SEGMENT[s]] = quat.multiply(q_GS, quat.conjugate(calibration.q_BS[s]))
+    return State(np.array([s not in calibration.q_GS for s in SEGMENTS]), noisy, posed, calibration.end)
+
+
+def taken(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
+    """Keep a block's samples until their rows come, with their magnetometers' where the block has them."""
+    before = state.waiting.get(block.stream.name)
+    if before is None or before.stream != block.stream:
+        before = _nothing(block.stream, calibration, q_SB)
+    if not len(before.worn.columns):
+        return state
+    gyr, acc = _seen(before.worn, block)
+    t, gyr, acc = (np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc)))
+    mag = before.mag if before.mag is None else np.concatenate([before.mag, _fields(before.worn, block)])
+    return replace(state, waiting={**state.waiting, block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc, mag)})
+
+
+def aligned(state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float) -> tuple[State, Samples]:
+    """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same; `instant`: gyroscopes tell the rate at the sample;
+    `fused`: the vertical is that of the orientations, else the accelerometers'."""
+    q_first, doubt_first = (q_GB[0], rows.doubt[0]) if state.q_GB is None or state.doubt is None else (state.q_GB, state.doubt)
+    before = np.concatenate([q_first[None], q_GB[:-1]]), np.concatenate([doubt_first[None], rows.doubt[:-1]])
+    times = np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t])
+    dt = times[1:] - times[:-1]
+    rate = acc = _UNKNOWN
+    for w in state.waiting.values():
+        if len(w.t):
+            rate, acc = _placed(w.t, w.gyr, w.acc, w.worn.segments, w.period, float(instant), float(fused), rows.t, dt, rate, acc)
+    strange, appears = _appearing(state.strange, q_GB)
+    numbers, more = (float(fused), LOST_DOUBT / max(max_gap, 0.01)), appears + state.noisy * dt[:, None]
+    turn, bias_time, force, grown, known, q_first = _of_chains(
+        _SENSORS, _JOINTS, *numbers, dt, *before, q_GB, rows.doubt, rows.flags, more, rate, acc
+    )
+    t = float(rows.t[-1])
+    kept = {name: _pruned(w, t) for name, w in state.waiting.items()}
+    if state.q_GB is None and rows.t[0] <= state.pose_end:
+        q_first[0] = _begun(state.posed, q_GB[0], q_first[0])
+    after = State(strange, state.noisy, state.posed, state.pose_end, kept, t, q_GB[-1].copy(), rows.doubt[-1].copy())
+    return after, Samples(rows.t, turn, bias_time, force, grown, known > 0, q_first, _magnetic(state.waiting.values(), rows.t))
+
+
+def _begun(posed: Array, q_GB: Array, q_first: Array) -> Array:
+    """Rotations (F, 3, 4) of the joints at the first row: those of the whole pose, where a fusion has no more than its first sample yet."""
+    q = np.where(np.isfinite(posed), posed, q_GB)[SENSORS]
+    q_pose = quat.relative(q[:, :-1], q[:, 1:])
+    return np.asarray(np.where(np.isfinite(q_pose), q_pose, q_first))
+
+
+def _magnetic(waiting: Collection[Waiting], t: Array) -> Array | None:
+    """Fields (n, F, 2, 3) at the chains' first and last sensors, the newest not after t; NaN where there are none, None where none is asked for."""
+    if all(w.mag is None for w in waiting):
+        return None
+    found = np.full((len(t), len(SEGMENTS), 3), np.nan)
+    for w in waiting:
+        if w.mag is not None and len(w.t):
+            newest = w.t.searchsorted(t, side="right") - 1
+            recent = (newest >= 0) & (t - w.t[newest] < 1.5 * w.period)
+            found[:, w.worn.segments] = np.where(recent[:, None, None], w.mag[newest], np.nan)
+    return found[:, SENSORS[:, [0, 3]]]
+
+
+def _appearing(strange: NDArray[np.bool_], q_GB: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Which sensors are still to appear of those of which the pose knows nothing, and the variance (n, segments) of one that does."""
+    present = np.isfinite(q_GB[:, strange, 0])
+    if not present.any():
+        return strange, np.zeros(len(SEGMENTS))
+    variance = np.zeros(q_GB.shape[:2])
+    variance[:, strange] = np.where(present & (np.cumsum(present, axis=0) == 1), LOST_DOUBT, 0.0)
+    still = strange.copy()
+    still[strange] = ~present.any(axis=0)
+    return still, variance
+
+
+def _nothing(stream: Stream, calibration: Calibration, q_SB: Array) -> Waiting:
+    """A stream before its first samples."""
+    columns = [k for k, name in enumerate(stream.sensors) if name in SEGMENT]
+    names = [stream.sensors[k] for k in columns]
+    segments = np.array([SEGMENT[name] for name in names], np.intp)
+    bias = np.array([calibration.gyr_bias.get(name, np.zeros(3)) for name in names]).reshape(-1, 3)
+    worn = Worn(np.array(columns, np.intp), segments, bias, quat.conjugate(q_SB[segments]))
+    nothing = np.empty((0, len(columns), 3))
+    period, mag = 1.0 / calibration.rates.get(stream.name, stream.rate), nothing if MAG in stream.quantities else None
+    return Waiting(stream, worn, period, np.empty(0), nothing, nothing, mag)
+
+
+def _seen(worn: Worn, block: Block) -> tuple[Array, Array]:
+    """Rates and specific forces (n, worn, 3) in segment frames; NaN where missing or at the sensor's limit."""
+    limits = [SATURATION * block.stream.full_scale.get(quantity, np.inf) for quantity in (GYR, ACC)]
+    gyr, acc = _in_segments(block.of(GYR), block.of(ACC), worn.columns, worn.bias, worn.q_BS, *limits)
+    return gyr, acc
+
+
+def _fields(worn: Worn, block: Block) -> Array:
+    """Magnetic fields (n, worn, 3) in segment frames, uT."""
+    return 1e6 * quat.rotate(worn.q_BS, block.of(MAG)[:, worn.columns])
+
+
+@rowwise("(c,v),(c,v),(w),(w,v),(w,q),(),()->(w,v),(w,v)")
+def _in_segments(
+    gyr: Array, acc: Array, columns: Array, bias: Array, q_BS: Array, fastest: float, hardest: float, rate: Array, force: Array
+) -> None:
+    unbiased, whole, told = np.empty(3), np.empty(1, np.bool_), np.empty(1, np.bool_)
+    for w in range(columns.shape[0]):
+        c = int(columns[w])
+        complete_row(gyr[c], acc[c], whole)
+        for a in range(3):
+            unbiased[a] = gyr[c, a] - bias[w, a]
+        quat.rotate_row(q_BS[w], unbiased, rate[w])
+        quat.rotate_row(q_BS[w], acc[c], force[w])
+        beyond_row(gyr[c], fastest, told)
+        if not whole[0] or told[0]:
+            rate[w, 0], rate[w, 1], rate[w, 2] = math.nan, math.nan, math.nan
+        beyond_row(acc[c], hardest, told)
+        if not whole[0] or told[0]:
+            force[w, 0], force[w, 1], force[w, 2] = math.nan, math.nan, math.nan
+
+
+@inlined
+def _up_row(q_GB: Array, up: Array) -> None:
+    """The vertical in a frame: the last row of its rotation matrix."""
+    w, x, y, z = q_GB[0], q_GB[1], q_GB[2], q_GB[3]
+    up[0], up[1], up[2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
+
+
+@rowwise("(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)")
+def _of_chains(
+    sensors: Array, joints: Array, fused: float, silent: float, dt: float,
+    q_before: Array, doubt_before: Array, q_GB: Array, doubt: Array, flags: Array, appears: Array, rate: Array, acc: Array,
+    turn: Array, bias_time: Array, force: Array, grown: Array, known: Array, q_first: Array,
+) -> None:  # fmt: skip
+    """What every sensor of every chain turned by: by its own rates where it has them, else by its fusion's orientations, which bridge what is missing.
+
+    The fusion counts a gap once; what is silent goes on turning: by the variance `silent` a second.
+    """
+    by, step, w = np.empty((q_GB.shape[0], 3)), np.empty(4), np.empty(3)
+    timed, more = np.zeros(q_GB.shape[0]), np.empty(q_GB.shape[0])
+    for s in range(q_GB.shape[0]):
+        present = math.isfinite(q_GB[s, 0])
+        more[s] = max(doubt[s] - doubt_before[s], 0.0)
+        if math.isfinite(rate[s, 0] + rate[s, 1] + rate[s, 2]):
+            timed[s] = dt
+            for a in range(3):
+                by[s, a] = rate[s, a] * dt
+        else:
+            quat.relative_row(q_before[s], q_GB[s], step)
+            quat.log_row(step, w, w)
+            for a in range(3):
+                by[s, a] = w[a] if math.isfinite(w[a]) else 0.0
+        if present and int(flags[s]) & MISSING and by[s, 0] == 0 and by[s, 1] == 0 and by[s, 2] == 0:
+            more[s] += silent * dt
+        more[s] += appears[s]
+    for c in range(sensors.shape[0]):
+        for k in range(sensors.shape[1]):
+            s = int(sensors[c, k])
+            bias_time[c, k], grown[c, k] = timed[s], more[s]
+            unsure = int(flags[s]) & UNSURE
+            _up_row(q_GB[s], w)
+            for a in range(3):
+                turn[c, k, a] = by[s, a]
+                force[c, k, a] = math.nan if unsure else (GRAVITY * w[a] if fused > 0 else acc[s, a])
+        for j in range(joints.shape[1]):
+            p, s = int(sensors[c, j]), int(sensors[c, j + 1])
+            known[c, j] = joints[c, j] if math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0]) else 0.0
+            if known[c, j] > 0:
+                quat.relative_row(q_GB[p], q_GB[s], q_first[c, j])
+            else:
+                for a in range(4):
+                    q_first[c, j, a] = 1.0 if a == 0 else 0.0
+
+
+@rowwise("(m),(m,w,v),(m,w,v),(w),(),(),(),(),(),(s,v),(s,v)->(s,v),(s,v)")
+def _placed(
+    known_t: Array, gyr: Array, acc: Array, segments: Array, period: float, instant: float, fused: float, t: float, dt: float,
+    rate_before: Array, acc_before: Array, rate: Array, force: Array,
+) -> None:  # fmt: skip
+    """A stream's own rates where it has a sample at the row and the one before, and its specific forces where they are asked for."""
+    put(rate_before, rate)
+    put(acc_before, force)
+    after = min(np.searchsorted(known_t, t), known_t.shape[0] - 1)
+    before = max(after - 1, 0)
+    at, span = known_t[after], known_t[after] - known_t[before]
+    regular = at == t and abs(dt - period) < 0.25 * period and abs(span - period) < 0.25 * period
+    inside = known_t[before] <= t and t <= at and span > 0 and span < 1.5 * period
+    weight = (t - known_t[before]) / (span if inside else 1.0)
+    own = np.empty(3)
+    for w in range(segments.shape[0]):
+        s = int(segments[w])
+        for a in range(3):
+            own[a] = 0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant > 0 else gyr[after, w, a]
+            if fused == 0 and (at == t or inside):
+                force[s, a] = acc[after, w, a] if at == t else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
+        if regular and math.isfinite(own[0]) and math.isfinite(own[1]) and math.isfinite(own[2]):
+            rate[s, 0], rate[s, 1], rate[s, 2] = own[0], own[1], own[2]
+
+
+def _pruned(waiting: Waiting, t: float) -> Waiting:
+    """Forget what lies before the last sample not after t."""
+    first = max(int(waiting.t.searchsorted(t, side="right")) - 1, 0)
+    kept = waiting.t[first:], waiting.gyr[first:], waiting.acc[first:], None if waiting.mag is None else waiting.mag[first:]
+    return Waiting(waiting.stream, waiting.worn, waiting.period, *kept)

@@ -1,0 +1,201 @@
+"""How the true joints follow from the rotations between sensors that sit askew on their segments, and what one pose tells of that.
+
+In      rotations q_pc between the (calibrated) frames of neighbouring sensors, seats q_SB (segment to sensor) and skin (turn of a sensor on its segment
+        in rad per rad of its joint's flexion)
+Out     true joint rotations, their derivatives by all error states of a chain, the covariance of those after the initial pose
+Source  ours; that a sensor is turned by its skin in proportion to flexion is the first order of what is not known better
+Limits  the hand's sensor is not turned by skin: its part is counted to the chain's first joint
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.options import option
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import FLEXION
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import block, product
+
+ANGLES, BIASES, SEATS, SKIN, APART = slice(0, 9), slice(9, 21), slice(21, 33), slice(33, 42), 42
+SIZE = 43  # the last: by what the field at the tip differs from the hand's (estimators/finger_ekf/magnetic_heading.py); nothing where it is not asked for
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeatParams:
+    misalignment: float = option(
+        4.5,
+        "deg",
+        "turn of a sensor against its segment about each axis, where no functional calibration tells it",
+        "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5",
+        least=1e-3,
+    )
+    skin: float = option(
+        2.0, "deg", "turn of a sensor on its segment while its joint bends by 90 deg", "skin moves with the joint; size ours", least=1e-3
+    )
+    pose_sd: float = option(
+        1.45, "deg", "what a person misses the initial pose by, each freedom of a joint", "ours: at most 2.5 deg, evenly spread", least=1e-3
+    )
+    angle_sd: float = option(
+        0.3, "deg", "error of gravity's direction in a sensor in the pose", "ours: 0.05 m/s^2 of accelerometer bias", least=1e-6
+    )
+
+
+@dataclass(frozen=True)
+class Seats:
+    """What is known of how the sensors of F chains sit before they move."""
+
+    covariance: Array  # (F, 12, 12) rad^2, of the four sensors' turns against their segments, about the segments' axes
+    aligned: NDArray[
+        np.bool_
+    ]  # (F, 4) the pose has turned its frame until gravity agrees, so it is tilted as the chain's first; else it is as it is
+
+
+def after_pose(params: SeatParams, q_pc: Array, acc: Array, free: NDArray[np.bool_], seats: Seats) -> Array:
+    """Covariance (F, 43, 43) of the error states of joints and seats once the pose has told q_pc (F, 3, 4); acc (F, 4, 3) points up in it.
+
+    The pose knows the true joints but for what the person misses, and gravity in every sensor; it never sees turns about the vertical. The
+    errors are written as a matrix times independent ones: twelve of the seats, gravity in each sensor, what is missed of each joint's pose, the skins.
+    """
+    chains = len(q_pc)
+    L = np.zeros((chains, SIZE, 42))
+    missed, seen = np.radians(params.pose_sd), np.radians(params.angle_sd)
+    skin = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])  # of the first joint that of both sensors
+    L[:, 21:33, 0:12] = _root(seats.covariance)
+    L[:, range(33, 42), range(33, 42)] = np.repeat(skin, 3)
+    R_cp = quat.matrix(quat.conjugate(q_pc))
+    angles = joint_angles.decompose(q_pc)
+    by_skin = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(chains, 3, 3, 42)  # what turns the sensors already
+    for j in range(3):
+        up = _upwards(acc[:, j + 1])
+        about = up[:, :, None] * up[:, None, :]
+        level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 12 + 3 * j
+        pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
+        pose[:, :, 24 + 3 * j : 27 + 3 * j] = missed * free[:, j, None] * joint_angles.axes(angles[:, j])
+        tilt[:, :, gravity : gravity + 3], tilt[:, :, gravity + 3 : gravity + 6] = -seen * level @ R_cp[:, j], seen * level
+        parent = L[:, 21 + 3 * j : 24 + 3 * j] - (by_skin[:, j - 1] if j else 0.0)
+        asked = pose + R_cp[:, j] @ parent + by_skin[:, j]  # dth + m_c: the joint is as asked but for what is missed
+        seat = np.where(seats.aligned[:, j + 1, None, None], about @ L[:, place] + level @ (asked - tilt), L[:, place])
+        L[:, place] = seat
+        L[:, 3 * j : 3 * j + 3] = tilt + about @ (asked - seat)
+    return np.asarray(L @ L.transpose(0, 2, 1))
+
+
+@inlined
+def right_jacobian_row(v: Array, J: Array) -> None:
+    """exp(v + dv) = exp(v) exp(J dv), of (3,) the (3, 3)."""
+    x, y, z = v[0], v[1], v[2]
+    sq = x * x + y * y + z * z
+    angle = math.sqrt(sq)
+    a = 0.5 - sq / 24 if sq < 1e-6 else (1 - math.cos(angle)) / sq
+    b = 1 / 6 - sq / 120 if sq < 1e-6 else (angle - math.sin(angle)) / (sq * angle)
+    J[0, 0], J[0, 1], J[0, 2] = 1 - b * (y * y + z * z), a * z + b * x * y, b * x * z - a * y
+    J[1, 0], J[1, 1], J[1, 2] = b * x * y - a * z, 1 - b * (x * x + z * z), a * x + b * y * z
+    J[2, 0], J[2, 1], J[2, 2] = a * y + b * x * z, b * y * z - a * x, 1 - b * (x * x + y * y)
+
+
+@inlined
+def carried_row(q_pc: Array, turned: Array, q_new: Array) -> None:
+    """Joint rotations (3, 4) after the four sensors have turned by (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
+    back, half = np.empty(4), np.empty(4)
+    for j in range(3):
+        quat.conjugate_row(turned[j], back)
+        quat.multiply_row(back, q_pc[j], half)
+        quat.multiply_row(half, turned[j + 1], back)
+        quat.normalize_row(back, q_new[j])
+
+
+@inlined
+def bent_row(q_pc: Array, seat: Array, skin: Array, q: Array, q_SB: Array, flexion: Array) -> None:
+    """True joints (3, 4), seats of their children as the skin has turned them (3, 4), flexions (3,) that count for the skin."""
+    inverse, half, bent, by_skin, before, turn = np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(3)
+    for j in range(3):
+        quat.conjugate_row(seat[j], inverse)
+        quat.multiply_row(inverse, q_pc[j], half)
+        quat.multiply_row(half, seat[j + 1], bent)  # were it not for the skin
+        w, x, y, z = bent[0], bent[1], bent[2], bent[3]
+        flexion[j] = math.atan2(2 * (w * z - x * y), w * w - x * x + y * y - z * z)  # as joint_angles.decompose
+        for a in range(3):
+            turn[a] = -flexion[j] * skin[j, a]
+        quat.exp_row(turn, half, by_skin)
+        quat.multiply_row(seat[j + 1], by_skin, q_SB[j])
+        quat.multiply_row(bent, by_skin, half)
+        quat.multiply_row(before, half, q[j])
+        if j == 0:
+            for a in range(4):
+                q[j, a] = half[a]
+        quat.conjugate_row(by_skin, before)
+
+
+@inlined
+def seated_row(q_pc: Array, seat: Array, skin: Array, q: Array, A: Array) -> None:
+    """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): how their errors d, q_true = q exp(d), follow from the chain's error
+    states; flexion counts as known where it turns the skin."""
+    q_SB, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
+    R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    of_seat, of_skin = np.empty((3, 3, 3)), np.empty((3, 3, 3))
+    bent_row(q_pc, seat, skin, q, q_SB, flexion)
+    for j in range(3):
+        for a in range(3):
+            turn[a] = flexion[j] * skin[j, a]
+        quat.exp_row(turn, inverse, inverse)
+        quat.matrix_row(inverse, turn, of_seat[j])
+        for a in range(3):
+            turn[a] = -turn[a]
+        right_jacobian_row(turn, of_skin[j])
+        quat.conjugate_row(q_SB[j], inverse)
+        quat.matrix_row(inverse, turn, R_cs)  # sensor to its segment
+        quat.conjugate_row(q[j], inverse)
+        quat.matrix_row(inverse, turn, R_cp)
+        block(1.0, R_cs, 3 * j, 3 * j, A)
+        block(1.0, of_seat[j], 3 * j, 24 + 3 * j, A)
+        block(-flexion[j], of_skin[j], 3 * j, 33 + 3 * j, A)
+        if j == 0:
+            block(-1.0, R_cp, 0, 21, A)
+        else:
+            product(R_cp, of_seat[j - 1], by_parent)
+            block(-1.0, by_parent, 3 * j, 21 + 3 * j, A)
+            product(R_cp, of_skin[j - 1], by_parent)
+            block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
+
+
+@inlined
+def joints_row(q_pc: Array, seat: Array, skin: Array, turned: Array, q: Array) -> None:
+    """True joint rotations (3, 4) after the sensors have turned by (4, 4)."""
+    q_now, q_SB, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    carried_row(q_pc, turned, q_now)
+    bent_row(q_now, seat, skin, q, q_SB, flexion)
+
+
+@inlined
+def put_right(q_pc: Array, bias: Array, seat: Array, skin: Array, apart: Array, change: Array) -> None:
+    """The errors found are put into the rotations, whose covariance changes by that only in the second order."""
+    d, by, turned = np.empty(3), np.empty(4), np.empty(4)
+    for i in range(7):
+        q, first = (q_pc[i], 3 * i) if i < 3 else (seat[i - 3], 12 + 3 * i)
+        for a in range(3):
+            d[a] = change[first + a]
+        quat.exp_row(d, by, by)
+        quat.multiply_row(q, by, turned)
+        quat.normalize_row(turned, q)
+    for i in range(12):
+        bias[i // 3, i % 3] += change[9 + i]
+    for i in range(9):
+        skin[i // 3, i % 3] += change[33 + i]
+    apart[0] += change[APART]
+
+
+def _root(covariance: Array) -> Array:
+    """R with R R' = covariance (..., n, n), which may be singular: one sensor may stand in a chain more than once."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+
+
+def _upwards(acc: Array) -> Array:
+    """Unit vectors; where nothing is known the back of a flat hand."""
+    size = np.sqrt((acc * acc).sum(axis=-1, keepdims=True))
+    return np.where(size > 0, acc / np.where(size > 0, size, 1.0), np.array([1.0, 0.0, 0.0]))

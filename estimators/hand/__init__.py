@@ -1,0 +1,1 @@
+"""The hand model: segments, joints, lengths, forward kinematics."""

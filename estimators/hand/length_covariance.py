@@ -1,0 +1,63 @@
+"""How far the lengths of a sized hand may be off, and which of a finger err together: that follows from what was measured.
+
+In      a sized hand that knows what of it was measured
+Out     for each finger the covariance of what its tip depends on: where its root lies and how long its three bones are
+Source  a finger whose total was measured leaves its bones only their shares: one that is longer makes the others shorter; of a finger derived from the
+        hand's length the total errs, too. Ratios of a hand's lengths to each other vary from subject to subject by a few percents: Salchow-Hoemmen
+        2019, 5 (the option `length_sd`); tissue at the tip: ibid., Table 3; breadth of a hand of given length, 85 +- 3.8 mm: ANSUR (Gordon et al. 1989),
+        men and women together; calipers on hands: technical error of measurement about 1 % of a length (doi:10.1177/10519815261458341)
+Limits  bones measured one by one err each for itself, by `length_sd`, and so does a place of a joint that was given; that a hand of which nothing was
+        measured is larger or smaller than the average one (by 6 %) errs all tips alike and is not counted
+"""
+
+import numpy as np
+
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS
+from handscope.estimators.hand.geometry import RATIOS, TIP_TISSUE_SD, HandGeometry, root_joint
+from handscope.estimators.numerics.quaternions import Array
+
+MEASURED_SD = 1e-3  # m, of a length taken by calipers
+BREADTH_SD = 0.045  # of itself, where it was not measured
+THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-CMC; size ours
+
+
+def covariance(geometry: HandGeometry, length_sd: float) -> Array:
+    """(5 fingers, 6, 6): the root's place in the hand's frame, m, then the shares of themselves by which the three bones from the root to the tip err."""
+    return np.array([_of_finger(geometry, finger, length_sd) for finger in FINGERS])
+
+
+def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
+    """As the errors of independent causes, one a column, make it."""
+    root, bones = _root(geometry, finger, length_sd), _bones(geometry, finger, length_sd)
+    return np.block([[root @ root.T, np.zeros((3, 3))], [np.zeros((3, 3)), bones @ bones.T]])
+
+
+def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
+    """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth, about the hand's normal."""
+    joint = root_joint(finger)
+    x, y, z = geometry.joint_positions[joint]
+    distance = float(np.hypot(y, z))
+    along = MEASURED_SD / distance if joint == "middle_mcp" and "palm_length" in geometry.measured else length_sd
+    if joint in geometry.measured:
+        return along * np.array([[x, y, z]]).T
+    turned, broad = (THUMB_ANGLE_SD, 0.0) if finger == "thumb" else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
+    return np.array([[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]).T
+
+
+def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
+    """How its bones err, by shares of themselves (3, causes)."""
+    chain = CHAINS[finger]
+    if geometry.measured & set(chain):
+        return length_sd * np.eye(3)
+    sharing = chain[-len(RATIOS[finger]) - 1 :]  # the thumb's metacarpal is not counted to its length
+    size = sum(geometry.lengths[s] for s in sharing)
+    share = np.array([geometry.lengths[s] / size for s in sharing])
+    above = np.triu(np.ones((len(share), len(share) - 1)))  # a ratio makes all bones before it longer against those behind
+    by_ratio = length_sd * (above - share @ above)
+    total = np.hypot(MEASURED_SD, TIP_TISSUE_SD[finger]) / size if finger in geometry.measured else length_sd
+    bones = np.column_stack([by_ratio, np.full(len(share), total)])
+    if len(sharing) == len(chain):
+        return bones
+    metacarpal = np.zeros((1, bones.shape[1] + 1))
+    metacarpal[0, -1] = length_sd
+    return np.vstack([metacarpal, np.column_stack([bones, np.zeros(len(share))])])

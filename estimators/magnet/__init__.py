@@ -1,0 +1,1 @@
+"""The hand relative to the trunk by a permanent magnet (Kortier, thesis, chapter 5)."""

@@ -1,0 +1,1 @@
+"""Localising a magnet from an array of magnetometers without inertial sensors."""

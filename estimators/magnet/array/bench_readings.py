@@ -1,0 +1,261 @@
+"""An array of magnetometers as it comes from a bench: units, chips turned or mirrored on the board, noise, mains hum, limits, clocks, what a room leaves.
+
+In      readings (n, magnetometers, 3) in the array's own unit, one time base; readings of the same array turned by hand far from magnets
+Out     readings in T; Turned: calibrations that put all magnetometers into the first one's axes, with what they leave; Looked: what to know of a recording
+Source  calibration: magnetometer_sphere.py; units: SI (1 G = 1e-4 T); alias of a line at f sampled at r: |f - r round(f / r)|
+Limits  what the room's field changes by across the array is part of what calibrations leave; a chip that is turned and mirrored is seen only when the array
+        is turned; a line is told where it stands out of the spectrum of readings five times
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.errors import InputError
+from handscope.estimators.force.contact import runs
+from handscope.estimators.force.interpolation import noise_of
+from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, STRONGEST, WEAKEST
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors.magnetometer_ellipsoid import Sphere, common_axes, fitted, not_on_the_plate
+
+UNITS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
+SAME = {"µT": "uT", "μT": "uT", "Gauss": "G", "gauss": "G", "Gs": "G", "mGauss": "mG"}
+NORMALISED = "normalised"  # to the strength of the field where the array was calibrated
+MAINS = (50.0, 60.0)  # Hz
+STANDS_OUT = 5.0  # times the spectrum beside it
+FEWEST_READ = 20  # readings: an axis that gives so many equal ones while others change does not answer
+MOVED = 3e-6  # T: so much do magnetometers hardly change against each other by themselves
+STUCK = 3  # equal largest readings in a row are a limit
+
+
+@dataclass(frozen=True)
+class Turned:
+    """Calibrations of all magnetometers of one board."""
+
+    spheres: tuple[Sphere, ...]
+    mirrored: NDArray[np.bool_]  # (magnetometers,) axes are left-handed against the first one's
+    q_bl: Array  # (magnetometers, 4) to the first one's axes
+    left: Array  # (magnetometers,) T, RMS against the mean of all: calibrations and the room together
+
+    @property
+    def gains(self) -> Array:
+        """Sizes of corrected readings over those of readings as they came (magnetometers,)."""
+        return np.array([float(np.cbrt(np.linalg.det(s.matrix))) for s in self.spheres])
+
+    @property
+    def read(self) -> float:
+        """Strength of the field as it was read, T, in the middle of the magnetometers."""
+        return float(np.median([s.strength for s in self.spheres] / self.gains))
+
+    def corrected(self, mag: Array) -> Array:
+        """Readings (n, magnetometers, 3) in T, each in its own right-handed axes."""
+        return np.stack(
+            [(-1.0 if flip else 1.0) * s.corrected(mag[:, k]) for k, (s, flip) in enumerate(zip(self.spheres, self.mirrored))], axis=1
+        )
+
+
+@dataclass(frozen=True)
+class Still:
+    """What an array that stands still reads without the magnet."""
+
+    read: Array  # (magnetometers, 3) T, in each one's axes
+    apart: Array  # (magnetometers, 3) T, the same, more than all on average: iron of the board and of the room, offsets
+    left: float  # T by which that changed
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What readings tell of themselves."""
+
+    noise: Array  # (magnetometers,) T, of an axis, hum included
+    hum: Array  # (magnetometers,) T, amplitude of the line; 0 where there is none
+    hum_at: float  # Hz, where it shows
+    limited: NDArray[np.bool_]  # (n, magnetometers)
+    missing: float  # share of readings
+    frozen: NDArray[np.bool_]  # (magnetometers,) an axis always reads the same
+
+
+def in_tesla(mag: Array, unit: str | float, earth: float | None) -> Array:
+    """Readings in T of a unit, or of counts of so many T; `earth` T is needed of normalised ones."""
+    if not isinstance(unit, str):
+        if not unit > 0:
+            raise InputError(f"The array's unit is {unit:g} T a count; it is larger than 0.")
+        return np.asarray(mag * unit)
+    unit = SAME.get(unit, unit)
+    if unit == NORMALISED:
+        if earth is None:
+            raise InputError("Readings that are normalised to 1 need the strength of the field where they were calibrated: tell `earth`.")
+        return np.asarray(mag * earth)
+    if unit not in UNITS:
+        raise InputError(
+            f"There is no unit {unit!r} of a magnetometer; units are {', '.join((*UNITS, NORMALISED))}, or of counts a number: T of one count."
+        )
+    return np.asarray(mag * UNITS[unit])
+
+
+def require_sense(
+    earth: float | None, moment: float | None, limit: float | None, place_sd: float, calibration_sd: float | None, gradient: float
+) -> None:
+    """InputError where what is told of an array is none in T, A m^2 and m."""
+    if earth is not None and not EARTH_WEAKEST <= earth <= EARTH_STRONGEST:
+        raise InputError(f"The array's earth is told as {earth:g} T; the earth's field is 2.2e-5 to 6.7e-5 T.")
+    if moment is not None and not WEAKEST <= moment <= STRONGEST:
+        raise InputError(
+            f"A moment of {moment:g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}); a neodymium disc has about 1 A m^2 a cm^3."
+        )
+    if limit is not None and not limit > 0:
+        raise InputError(f"The array's limit is told as {limit:g}; it is the largest reading of an axis, in the unit of the table.")
+    if not 0 <= place_sd <= 0.02:
+        raise InputError(f"The array's place_sd is told as {place_sd:g} m; it is the error of a magnetometer's place, 0 to 0.02 m.")
+    if calibration_sd is not None and not 0 <= calibration_sd <= EARTH_WEAKEST:
+        raise InputError(f"The array's calibration_sd is told as {calibration_sd:g} T; it is what the calibration left, some 1e-7 T.")
+    if not 0 <= gradient <= 1e-3:
+        raise InputError(
+            f"The array's gradient is told as {gradient:g} T/m; it is what the field changes by in a metre, some 5e-6 T/m in a room."
+        )
+
+
+def units_that_fit(strength: float, unit: str | float) -> list[str]:
+    """Units with which a field read as `strength` T would be the earth's."""
+    read = strength / (unit if isinstance(unit, (int, float)) else UNITS.get(SAME.get(unit, unit), 1.0))
+    return [u for u, size in UNITS.items() if 22e-6 <= read * size <= 67e-6]
+
+
+def turned(mag: Array, names: Sequence[str], earth: float | None) -> Turned:
+    """Calibrate all magnetometers from readings in T while the whole board was turned by hand; InputError names the one that cannot be."""
+    spheres = tuple(fitted(mag[:, k], name, earth) for k, name in enumerate(names))
+    own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
+    if earth is None:  # the first one's strength is everybody's: they saw the same field
+        spheres = tuple(fitted(mag[:, k], name, spheres[0].strength) for k, name in enumerate(names))
+        own = np.stack([s.corrected(mag[:, k]) for k, s in enumerate(spheres)], axis=1)
+    good = np.isfinite(own).all(axis=(1, 2))
+    if good.sum() < 50:
+        raise InputError("The magnetometers hardly ever answered together while the board was turned: check their clocks and cables.")
+    common = common_axes(own)
+    for said in not_on_the_plate(names, common).values():
+        raise InputError(said)
+    alike = quat.rotate(common.q_1l, common.signs[:, None] * own)[good]
+    off = alike - alike.mean(axis=1, keepdims=True)
+    return Turned(spheres, common.mirrored, common.q_1l, np.sqrt((off**2).mean(axis=(0, 2)) * len(names) / max(len(names) - 1, 1)))
+
+
+def still(mag: Array, q_bl: Array | None) -> Still:
+    """What magnetometers (n, magnetometers, 3) T of an array that stands still read without the magnet; InputError where that changes."""
+    y = mag if q_bl is None else quat.rotate(q_bl, mag)
+    first, last = (_apart(part) for part in (y[: len(y) // 2], y[len(y) // 2 :]))
+    change = (last - first)[np.isfinite(last - first)]
+    if not len(change):
+        raise InputError("The recording without the magnet holds too little: record the array for some seconds while it stands still.")
+    drift, steps = float(np.sqrt((change**2).mean())), np.diff(y - _mean(y, 1)[:, None], axis=0)
+    noise = float(np.sqrt((steps[np.isfinite(steps)] ** 2).mean() / 2)) if np.isfinite(steps).any() else 0.0
+    if drift > max(MOVED, 6 * noise * float(np.sqrt(4 / len(y)))):
+        raise InputError(
+            f"Without the magnet the magnetometers changed against each other by {1e6 * drift:.2g} uT: the magnet was there, or the array was moved. "
+            "Record the array where it stands, with the magnet far away."
+        )
+    apart = _apart(y)
+    apart = apart if q_bl is None else quat.rotate(quat.conjugate(q_bl), apart)
+    return Still(_mean(mag, 0), apart, float(np.hypot(drift / 2, noise / np.sqrt(len(y)))))
+
+
+def _apart(y: Array) -> Array:
+    """What each (magnetometers, 3) reads more than all on average; NaN of those that never answer."""
+    each = _mean(y, 0)
+    return np.asarray(each - _mean(each, 0))
+
+
+def _mean(y: Array, axis: int) -> Array:
+    """Of what is known, NaN where nothing is."""
+    known = np.isfinite(y)
+    many = known.sum(axis=axis)
+    return np.where(many > 0, np.where(known, y, 0.0).sum(axis=axis) / np.maximum(many, 1), np.nan)
+
+
+def looked(t: Array, mag: Array, limit: float | None) -> Looked:
+    """What readings (n, magnetometers, 3) in T tell of themselves; `limit` T is the full scale, if it is known."""
+    limited = _limited(mag, limit)
+    whole = np.where(limited[..., None], np.nan, mag)
+    hum, at = _hum(t, whole)
+    noise = np.maximum(noise_of(t, whole), hum / np.sqrt(2.0))
+    known = np.isfinite(mag)
+    spread = np.where(known, mag, -np.inf).max(axis=0) - np.where(known, mag, np.inf).min(axis=0)
+    frozen = (spread == 0).any(axis=1) & (len(t) >= FEWEST_READ) & (np.median(spread) > 0)
+    return Looked(noise, hum, at, limited, float(np.isnan(mag).any(axis=-1).mean()), np.asarray(frozen))
+
+
+def together(t: Array, own: Array, mag: Array) -> Array:
+    """Readings (m, 3) of a magnetometer with times of its own (m,) at the times t (n,), by straight lines; NaN across gaps of more than two samples."""
+    there = np.isfinite(mag).all(axis=1) & np.isfinite(own)
+    if there.sum() < 2:
+        return np.full((len(t), 3), np.nan)
+    own, mag = own[there], mag[there]
+    out = np.stack([np.interp(t, own, axis, left=np.nan, right=np.nan) for axis in mag.T], axis=1)
+    behind = np.clip(np.searchsorted(own, t), 1, len(own) - 1)
+    out[own[behind] - own[behind - 1] > 2.5 * np.median(np.diff(own))] = np.nan
+    return out
+
+
+def sentences(names: Sequence[str], looked: Looked) -> list[str]:
+    """What somebody has to know before the answer is read."""
+    said = []
+    if looked.missing > 0.01:
+        said.append(f"{100 * looked.missing:.0f} % of the readings are missing; nothing is made up for them")
+    said += [
+        f"{name}: an axis always reads the same, it does not answer; its readings are left out"
+        for name, frozen in zip(names, looked.frozen)
+        if frozen
+    ]
+    for k, name in enumerate(names):
+        share = float(looked.limited[:, k].mean())
+        if share > 0:
+            said.append(f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out")
+        if looked.hum[k] > 0:
+            said.append(f"{name}: mains hum of {1e6 * looked.hum[k]:.2g} uT (shows at {looked.hum_at:.3g} Hz); it counts as noise")
+    return said
+
+
+def _limited(mag: Array, limit: float | None) -> NDArray[np.bool_]:
+    """At the limit told, or several times in a row at the largest size that an axis ever has."""
+    with np.errstate(invalid="ignore"):
+        if limit is not None:
+            return np.asarray((np.abs(mag) >= 0.98 * limit).any(axis=-1))
+    found = np.zeros(mag.shape[:2], bool)
+    for k in range(mag.shape[1]):
+        for axis in mag[:, k].T:
+            known = axis[np.isfinite(axis)]
+            if len(known) < 8 or (np.diff(known) == 0).mean() > 0.5:  # coarse counts repeat themselves anyhow
+                continue
+            for end in (known.min(), known.max()):
+                if abs(end - np.median(known)) > 0.25 * np.ptp(known):
+                    for a, b in runs(axis == end):
+                        found[a : b + 1, k] |= b - a + 1 >= STUCK
+    return found
+
+
+def _hum(t: Array, mag: Array) -> tuple[Array, float]:
+    """Amplitude (magnetometers,) of the stronger mains line and where it shows, Hz; zeros where none stands out."""
+    n, nothing = len(t), np.zeros(mag.shape[1])
+    if n < 256 or not np.isfinite(mag).any():
+        return nothing, float("nan")
+    rate = (n - 1) / float(t[-1] - t[0])
+    filled = np.where(np.isfinite(mag), mag, np.nanmedian(mag, axis=0))
+    window = np.hanning(n)[:, None, None]
+    size = np.sqrt((np.abs(np.fft.rfft(np.diff(filled, axis=0, prepend=filled[:1]) * window, axis=0)) ** 2).sum(axis=2))
+    frequency = np.fft.rfftfreq(n, 1.0 / rate)
+    found, shows = nothing, float("nan")
+    for line in MAINS:
+        at = abs(line - rate * round(line / rate))
+        if at < 2.0 or at > 0.5 * rate - 1.0:
+            continue
+        near, beside = np.abs(frequency - at) < 0.3, (np.abs(frequency - at) > 0.6) & (np.abs(frequency - at) < 2.0)
+        if not near.any() or not beside.any():
+            continue
+        top, floor = size[near].max(axis=0), np.median(size[beside], axis=0)
+        steep = 2.0 * np.sin(np.pi * at / rate)  # what differences make of it
+        amplitude = np.where(top > STANDS_OUT * floor, top / (0.25 * n * 2.0 * steep) * 2.0, 0.0)
+        if amplitude.max() > found.max():
+            found, shows = amplitude, at
+    return found, shows

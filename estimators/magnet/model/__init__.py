@@ -1,0 +1,1 @@
+"""The dipole and the places of magnetometers and magnet."""

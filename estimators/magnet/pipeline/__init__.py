@@ -1,0 +1,1 @@
+"""From recordings and live streams to the position of the hand."""

@@ -1,0 +1,268 @@
+"""Where the hand is, seen from the trunk: a recording's or a glove's streams, followed by a magnet, live and in batch.
+
+In      blocks of trunk, hand and magnetometers; the plate as it was told; mounting of the sensors
+Out     the place of the hand's sensor from the trunk's in the trunk's axes, its standard deviation, flags, the trunk's orientation, the signal
+Source  magnet_tracking.py (Kortier, thesis ch. 5); flags: ours
+Limits  a place is that of the hand's sensor, not of a joint; which way the trunk faces is as its sensor's mounting says
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, Block, Stream
+from handscope.estimators.data.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet.model import setup as magnet_setup
+from handscope.estimators.magnet.pipeline import streams as magnet_streams
+from handscope.estimators.magnet.pipeline.streams import HAND, Waiting
+from handscope.estimators.magnet.tracker import smoother as magnet_smoother
+from handscope.estimators.magnet.tracker import tracker as magnet_tracker
+from handscope.estimators.magnet.tracker.initialisation import Setup
+from handscope.estimators.magnet.tracker.options import MagnetParams
+from handscope.estimators.magnet.tracker.tracker import Readings, Track
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+
+WORTH_SAYING = 0.001  # share of flagged samples
+LATE, SURE_OF_IT = 0.01, 4.0  # s of lateness, and standard deviations of it, from which on it is said
+NEAR = 0.1  # s to the nearest sample of the track
+ROWS = ("t", "place", "sd", "flags", "q_trunk", "q_trunk_sd", "signal", "lateness", "lateness_sd")
+UNHEARD = "the hand's place is not told"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceParams(MagnetParams):
+    sure: float = option(0.05, "m", "standard deviation of a place in its worst direction from which on the magnet is out of reach", "ours")
+    patience: float = option(0.1, "s", "how long a silent stream is waited for", "as the tracking's", least=0.01)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is followed with what; made before the first sample."""
+
+    params: PlaceParams
+    setup: Setup
+    magnetometers: tuple[str, ...]
+    q_BS: Array  # (4,) of the trunk's sensor
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs."""
+
+    waiting: Waiting
+    filter: magnet_tracker.State
+
+
+@dataclass(frozen=True)
+class Places:
+    """What a stretch of samples tells."""
+
+    t: Array  # (n,) s
+    place: Array  # (n, 3) m; NaN where there is none
+    sd: Array  # (n, 3) m
+    flags: NDArray[np.uint8]  # (n,)
+    q_trunk: Array  # (n, 4)
+    q_trunk_sd: Array  # (n, 3) rad
+    signal: Array  # (n,) dB; NaN where no magnetometer was read
+    lateness: Array  # (n,) s of the magnetometers' readings against the inertial ones
+    lateness_sd: Array  # (n,) s
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def setting(params: PlaceParams, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]) -> Setting | None:
+    """What to follow with; None where nothing of it is worn. InputError says what is missing or cannot be."""
+    read = magnet_streams.magnetometers(streams)
+    inertial = {p for s in streams if s.inertial for p in s.sensors}
+    if plate is None and not read:
+        return None
+    if plate is None:
+        raise InputError(
+            f"{UNHEARD}: there are magnetometers on the trunk, and nobody said where they and the magnet are; tell it as MagnetSetup."
+        )
+    missing = [what for what, there in (("the trunk", TRUNK in inertial), ("the hand", HAND in inertial)) if not there]
+    if missing or not read:
+        raise InputError(f"{UNHEARD}: there is no {f'inertial sensor on {missing[0]}' if missing else 'magnetometer on the trunk'}.")
+    untold = [name for name in read if name not in plate.places]
+    if len(untold) == len(read):
+        raise InputError(f"{UNHEARD}: MagnetSetup does not say where {', '.join(untold)} sits.")
+    names = tuple(name for name in read if name not in untold)
+    q_BS = mounting.get(TRUNK, quat.IDENTITY)
+    turned = np.array([quat.multiply(quat.conjugate(q_BS), mounting.get(name, quat.IDENTITY)) for name in names])
+    try:
+        array = magnet_setup.constellation(np.array([plate.places[name] for name in names]), turned)
+        carried = magnet_setup.magnet(np.array(plate.moment), np.array(plate.place))
+        setup = Setup(array, carried, plate.earth, plate.dip)
+        magnet_tracker.start(setup)
+    except InputError as problem:
+        raise InputError(f"{UNHEARD}: {problem}") from None
+    return Setting(_ranged(params, streams), setup, names, q_BS)
+
+
+def start(s: Setting) -> State:
+    return State(Waiting(s.magnetometers, {}), magnet_tracker.start(s.setup))
+
+
+def step(s: Setting, state: State, blocks: Sequence[Block]) -> tuple[State, Places]:
+    """Advance by blocks of any streams, cut anywhere."""
+    waiting, readings = magnet_streams.take(state.waiting, blocks, s.params.patience)
+    following, track = magnet_tracker.step(s.params, state.filter, readings)
+    return State(waiting, following), _told(s, track)
+
+
+def followed(s: Setting, blocks: Sequence[Block]) -> Places:
+    """A whole recording: every place with what later readings say of it. InputError where the readings cannot be T."""
+    return _told(s, tracked(s, blocks)[1])
+
+
+def tracked(s: Setting, blocks: Sequence[Block]) -> tuple[magnet_tracker.State, Track]:
+    """What is made of a whole recording, and where the filter ends. InputError where the readings cannot be T."""
+    return magnet_smoother.smoothed(s.params, magnet_tracker.start(s.setup), read(s, blocks))
+
+
+def read(s: Setting, blocks: Sequence[Block]) -> Readings:
+    """Of a whole recording. InputError where they cannot be T."""
+    readings = magnet_streams.whole(s.magnetometers, blocks, s.params.patience)
+    try:
+        magnet_setup.require_field(readings.mag)
+    except InputError as problem:
+        raise InputError(f"{UNHEARD}: {problem}") from None
+    return readings
+
+
+def joined(pieces: Sequence[Places]) -> Places:
+    return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ROWS))
+
+
+def newest(places: Places) -> Places:
+    """The last row, with the last signal that was heard."""
+    heard = places.signal[np.isfinite(places.signal)]
+    last = Places(*(getattr(places, f)[-1:] for f in ROWS))
+    return replace(last, signal=heard[-1:]) if len(heard) else last
+
+
+def attached(
+    params: PlaceParams, moved: Trajectory, blocks: Sequence[Block], plate: Plate | None, mounting: Mapping[str, Array]
+) -> tuple[Trajectory, list[str]]:
+    """The trajectory with the hand's place, and sentences of what is to be known; as it was where there is no magnet."""
+    try:
+        s = setting(params, plate, [b.stream for b in blocks], mounting)
+        if s is None or not len(moved):
+            return moved, []
+        places = followed(s, blocks)
+    except InputError as problem:
+        return moved, [str(problem)]
+    return (brought(moved, places), said(places)) if len(places) else (moved, [])
+
+
+def brought(moved: Trajectory, places: Places) -> Trajectory:
+    """The trajectory with places at its own instants."""
+    flags = places.flags[_nearest(places.t, moved.t)]
+    gone = np.abs(places.t[_nearest(places.t, moved.t)] - moved.t) > NEAR
+    flags = np.where(gone, np.uint8(PlaceFlag.MISSING), flags)
+    place, sd, q_sd = (_between(places.t, v, moved.t) for v in (places.place, places.sd, places.q_trunk_sd))
+    heard = np.isfinite(places.signal)
+    signal = np.interp(moved.t, places.t[heard], places.signal[heard]) if heard.any() else np.full(len(moved), np.nan)
+    hidden = gone[:, None]
+    return replace(
+        moved,
+        place=np.where(hidden, np.nan, place),
+        place_sd=np.where(hidden, np.nan, sd),
+        place_flags=flags,
+        q_trunk=np.where(hidden, np.nan, _turned(places, moved.t)),
+        q_trunk_sd=np.where(hidden, np.nan, q_sd),
+        signal=np.where(gone, np.nan, signal),
+    )
+
+
+def said(places: Places) -> list[str]:
+    """One sentence for each kind of doubt, and for magnetometers that are late."""
+    shares = {flag: float(((places.flags & flag) != 0).mean()) for flag in PLACE_WORDS}
+    return late(places) + [
+        f"the hand's place: {words} in {100 * shares[flag]:.1f} % of the samples"
+        for flag, words in PLACE_WORDS.items()
+        if shares[flag] >= WORTH_SAYING
+    ]
+
+
+def late(places: Places) -> list[str]:
+    """What all up to the newest row tells of the magnetometers' lateness, where it is worth saying. What is doubtful is not accounted for."""
+    tau, sd = (float(v[-1]) if len(v) else np.nan for v in (places.lateness, places.lateness_sd))
+    if not abs(tau) > max(LATE, SURE_OF_IT * sd):
+        return []
+    by, known, doubtful = f"{1e3 * abs(tau):.0f}", f"{1e3 * sd:.1f}", bool(places.flags[-1] & PlaceFlag.DOUBTFUL)
+    if doubtful and tau > 0:
+        said = f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+    elif doubtful:
+        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); what is told of the hand's place is doubtful"
+    elif tau > 0:
+        said = (
+            f"the magnetometers' readings are {by} ms later than their time stamps say (standard deviation {known} ms); it is accounted for"
+        )
+    else:
+        said = f"the magnetometers' readings are {by} ms earlier than their time stamps say (standard deviation {known} ms); it is accounted for"
+    return [said]
+
+
+def _ranged(params: PlaceParams, streams: Sequence[Stream]) -> PlaceParams:
+    """The parameters with the full scales that the streams tell: the least where they differ."""
+    told: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
+    for s in streams:
+        if magnet_streams.concerned(s):
+            for quantity in told:
+                told[quantity] += [s.full_scale[quantity]] if s.full_scale.get(quantity) else []
+    gyr, acc, mag = (min(told[q], default=None) for q in (GYR, ACC, MAG))
+    return replace(
+        params,
+        gyr_range=params.gyr_range if gyr is None else float(np.degrees(gyr)),
+        acc_range=params.acc_range if acc is None else acc / GRAVITY,
+        mag_range=params.mag_range if mag is None else 1e6 * mag,
+    )
+
+
+def _told(s: Setting, track: Track) -> Places:
+    n = len(track)
+    flags = np.zeros(n, np.uint8)
+    with np.errstate(invalid="ignore"):
+        lost = ~np.isfinite(track.p_bt).all(axis=1) if n else np.zeros(0, bool)
+        far = track.p_sd.max(axis=1, initial=0.0) > s.params.sure
+    flags[lost] |= np.uint8(PlaceFlag.MISSING)
+    flags[far & ~lost] |= np.uint8(PlaceFlag.OUT_OF_REACH)
+    flags[track.doubtful & ~lost] |= np.uint8(PlaceFlag.DOUBTFUL)
+    flags[track.saturated.any(axis=1)] |= np.uint8(PlaceFlag.SATURATED)
+    heard = np.isfinite(track.snr)
+    loudest = np.where(heard, track.snr, -np.inf).max(axis=1, initial=-np.inf)
+    turn = np.abs(quat.matrix(s.q_BS)) if n else np.eye(3)
+    return Places(
+        track.t,
+        quat.rotate(s.q_BS, track.p_bt) if n else track.p_bt,
+        np.sqrt(track.p_sd**2 @ (turn**2).T),
+        flags,
+        quat.multiply(track.q_gb, quat.conjugate(s.q_BS)) if n else track.q_gb,
+        track.q_gb_sd,
+        np.where(np.isfinite(loudest), loudest, np.nan),
+        track.lateness,
+        track.lateness_sd,
+    )
+
+
+def _nearest(t: Array, at: Array) -> NDArray[np.int_]:
+    after = np.clip(np.searchsorted(t, at), 1, max(len(t) - 1, 1))
+    return np.asarray(np.where(at - t[after - 1] < t[np.minimum(after, len(t) - 1)] - at, after - 1, np.minimum(after, len(t) - 1)))
+
+
+def _between(t: Array, values: Array, at: Array) -> Array:
+    return np.stack([np.interp(at, t, v) for v in values.T], axis=1)
+
+
+def _turned(places: Places, at: Array) -> Array:
+    """Orientations at the instants: the nearest one."""
+    return np.asarray(places.q_trunk[_nearest(places.t, at)])

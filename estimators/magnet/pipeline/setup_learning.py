@@ -1,0 +1,81 @@
+"""Where magnetometers sit on the trunk, and which magnet sits where on the hand, learnt from half a minute of movement before it is used.
+
+In      a recording's blocks; the plate as roughly told, and how roughly; mounting of the sensors
+Out     Learnt: the plate as the movement tells it, and how well
+Source  the filter of Kortier's thesis, ch. 5 (magnet_tracking.py), in which what was told are errors of its own; the thesis takes them from a ruler
+Limits  which way magnetometers are turned on the plate comes from turning it without a magnet (magnetometer_sphere.common_axes); a movement that does not
+        bring the hand to the plate, or does not turn it, tells less: the standard deviations say so
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.data.magnet_declaration import Place, Plate
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import Block
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet.pipeline import hand_position
+from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
+from handscope.estimators.magnet.tracker import tracker as magnet_tracker
+from handscope.estimators.magnet.tracker.state import LEV, MOM
+from handscope.estimators.numerics.quaternions import Array
+
+FOLLOWED = 0.3  # share of the recording for which the hand must have been followed
+MODEL = 0.015  # of the moment: the dipole as a model, and how strong the earth's field is told
+ARM = 0.004  # m: a gyroscope whose scale is off by 0.3 % makes turns as a longer arm would (docs/decisions/0011)
+REFUSED = "the magnet cannot be learnt from this recording"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roughly:
+    """How well the plate is told; standard deviations in each axis."""
+
+    moment: float = option(0.15, "1", "share of the moment", "ours: grades of neodymium, and its direction to 8 deg", least=0.001, most=0.5)
+    place: float = option(0.01, "m", "place of the magnet on the hand", "ours: by eye", least=1e-4, most=0.03)
+    places: float = option(0.003, "m", "places of the magnetometers", "ours: by eye", least=1e-4, most=0.03)
+
+
+@dataclass(frozen=True)
+class Learnt:
+    plate: Plate
+    magnetometers: tuple[str, ...]
+    moment_sd: Array  # (3,) A m^2, axes of the hand's sensor
+    place_sd: Array  # (3,) m
+    places_sd: Array  # (magnetometers, 3) m
+    followed: float  # share of the recording
+
+
+def learnt(plate: Plate | None, roughly: Roughly, blocks: Sequence[Block], mounting: Mapping[str, Array]) -> Learnt:
+    """One pass over a recording. InputError where nothing is worn, the hand was hardly followed, or readings contradict all that is near what was told."""
+    params = PlaceParams(magnet_error=roughly.moment, lever_error=roughly.place, place_error=roughly.places)
+    s = hand_position.setting(params, plate, [b.stream for b in blocks], mounting)
+    if s is None or plate is None:
+        raise InputError(f"{REFUSED}: it has no magnetometers on the trunk.")
+    if len(s.magnetometers) < 2:
+        raise InputError(f"{REFUSED}: one magnetometer cannot tell what was told wrong; wear two or more.")
+    state, track = magnet_tracker.step(s.params, magnet_tracker.start(s.setup), hand_position.read(s, blocks))
+    doubtful, sd = track.doubtful, track.p_sd
+    if state.x is None or not len(sd):
+        raise InputError(f"{REFUSED}: trunk, hand and magnetometers were never read at the same time.")
+    known = np.nan_to_num(sd.max(axis=1), nan=np.inf) < s.params.sure
+    if known.any() and doubtful[known].mean() > 0.5:
+        raise InputError(
+            f"{REFUSED}: readings contradict everything near what was told. Is another magnet or iron near, a magnetometer not calibrated, or a place or the moment told wrong by more than was said?"
+        )
+    if known.mean() < FOLLOWED:
+        raise InputError(
+            f"{REFUSED}: the hand was near enough to be followed for {known.mean():.0%} of the time. Move it 10 to 30 cm before the plate for half a minute, and turn it."
+        )
+    found = magnet_tracker.learned(state)
+    sds, many = np.sqrt(np.maximum(np.diag(state.covariance), 0.0)), 3 * len(s.magnetometers)
+    told = {name: _place(p) for name, p in zip(s.magnetometers, found.array.places)}
+    better = replace(plate, places={**plate.places, **told}, moment=_place(found.magnet.moment), place=_place(found.magnet.place))
+    moment_sd, place_sd = np.hypot(sds[MOM : MOM + 3], MODEL * found.magnet.size), np.hypot(sds[LEV : LEV + 3], ARM)
+    return Learnt(better, s.magnetometers, moment_sd, place_sd, sds[-1 - many : -1].reshape(-1, 3), float(known.mean()))
+
+
+def _place(values: Array) -> Place:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

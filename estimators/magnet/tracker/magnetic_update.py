@@ -1,0 +1,291 @@
+"""What the magnetometers read of a state, what their readings tell of its errors, and the search for a magnet that is lost; compiled.
+
+In      state x and covariance P as magnet_filter.py has them, readings (magnetometers, 3) in the base's axes
+Out     readings and slopes; errors, covariance, what is missed
+Source  Kortier, thesis ch. 5, (5.7)-(5.15). The update is iterated (Bell & Cathey 1993, IEEE Trans Autom Control 38:294) because the dipole is far from
+        linear where the place is not well known
+Leaves  of a place that is known the slopes are those three quarters of the way to where the readings lead (docs/methods.md has why)
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from handscope.estimators.magnet.model.dipole import MU0_4PI
+from handscope.estimators.magnet.tracker.latency import WAY, by_now, dated
+from handscope.estimators.magnet.tracker.state import (
+    B_,
+    LEV,
+    MOM,
+    OWN,
+    P_,
+    SLO,
+    TH,
+    THG,
+    XB,
+    XGB,
+    XL,
+    XM,
+    XQ,
+    XS,
+    Sizes,
+    back,
+    chained,
+    matrix,
+    moved,
+    skew,
+    times,
+    transposed,
+)
+from handscope.estimators.numerics.jit import inlined
+from handscope.estimators.numerics.kalman import explained, reduced
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import block, clear, product
+
+TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # slopes of a field as five of the same size
+ITERATIONS = 12
+SHARE = 0.75  # of the way to where readings lead, at which slopes are taken
+NEAR = 0.002  # m: a place that moves by less is found
+GRID = 10  # places searched along each axis of the volume
+EVIDENCE = 12.0  # by which a place found by search must explain the readings better than where the filter thought it was
+
+
+@inlined
+def magnetometers(x: Array) -> int:
+    """How many a state has."""
+    return (len(x) - XL - 1) // 6
+
+
+class Sight(NamedTuple):
+    """What of a state all magnetometers see alike, in the base's axes."""
+
+    R: Array  # (3, 3) axes of the target
+    R_gb: Array  # (3, 3)
+    moment: Array  # (3,)
+    arm: Array  # (3,) from the target's sensor to the magnet
+    B_b: Array  # (3,) the room's field at the base's sensor
+    S_b: Array  # (3, 3) its slopes
+    by_lever: Array  # (3, 3) the arm's, by the target's turning
+    by_moment: Array  # (3, 3) the moment's
+
+
+@inlined
+def sight(x: Array) -> Sight:
+    R, R_gb, S = matrix(x[XQ : XQ + 4]), matrix(x[XGB : XGB + 4]), np.empty((3, 3))
+    moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
+    S[0, 1], S[0, 2], S[1, 2] = TWO * x[XS], TWO * x[XS + 1], TWO * x[XS + 2]  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
+    S[0, 0], S[1, 1], S[2, 2] = TWO * x[XS + 3] + SIX * x[XS + 4], SIX * x[XS + 4] - TWO * x[XS + 3], -2 * SIX * x[XS + 4]
+    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
+    S_b = chained(transposed(R_gb), chained(S, R_gb))
+    B_b = back(R_gb, x[XB : XB + 3])
+    return Sight(R, R_gb, times(R, moment), times(R, lever), B_b, S_b, chained(R, skew(lever)), chained(R, skew(moment)))
+
+
+@inlined
+def seen(x: Array, at: Sight, k: int, H: Array) -> Array:
+    """What magnetometer k reads in the base's axes (3,) and its derivative H (3, errors). (5.7)-(5.15), (5.24)"""
+    left, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[i] + at.arm[i] - x[place + i]
+    square = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4)  # nearer than a centimetre is inside the housing
+    along = r[0] * m[0] + r[1] * m[1] + r[2] * m[2]
+    k5 = MU0_4PI / square**2.5
+    J, D = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            J[i, j] = 3 * k5 * r[i] * r[j]
+            D[i, j] = 3 * k5 * (r[i] * m[j] + m[i] * r[j] - 5 * along * r[i] * r[j] / square)
+        J[i, i] -= k5 * square
+        D[i, i] += 3 * k5 * along
+    clear(H)
+    block(1.0, D, 0, P_, H)
+    slopes, room = uneven(x, at, x[place : place + 3], H)
+    by_lever, by_moment = chained(D, at.by_lever), chained(J, at.by_moment)
+    reads: Array = times(J, m)
+    for i in range(3):
+        H[i, OWN + left - XM + i] = 1.0
+        for j in range(3):
+            H[i, OWN + place - XM + j] = slopes[i, j] - D[i, j]
+            H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
+            H[i, B_ + j] = at.R_gb[j, i]
+        reads[i] += room[i] + x[left + i]
+    block(1.0, chained(J, at.R), 0, MOM, H)
+    block(1.0, chained(D, at.R), 0, LEV, H)
+    return reads
+
+
+@inlined
+def uneven(x: Array, at: Sight, place: Array, H: Array) -> tuple[Array, Array]:
+    """The field's slopes (3, 3) in the base's axes, and the room's field at a magnetometer's place (3,); fills its slopes by the trunk's orientation and by
+    slopes. Those of a field without curl and divergence are five; calibrations add one."""
+    p, steep, steep_b = times(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
+    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = TWO * p[1], TWO * p[0], TWO * p[2], TWO * p[0]
+    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = TWO * p[2], TWO * p[1], TWO * p[0], -TWO * p[1]
+    steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
+    for i in range(3):
+        steep[i, 5] = p[i]
+    product(transposed(at.R_gb), steep, steep_b)
+    block(1.0, steep_b, 0, SLO, H)
+    bent, carried, there, slopes = times(at.S_b, place), chained(at.S_b, skew(place)), np.empty(3), at.S_b.copy()
+    turning, about = skew(at.B_b), skew(bent)
+    for i in range(3):
+        there[i] = at.B_b[i] + bent[i] + x[XS + 5] * place[i]
+        for j in range(3):
+            H[i, THG + j] = turning[i, j] + about[i, j] - carried[i, j]
+        slopes[i, i] += x[XS + 5]
+    return slopes, there
+
+
+@inlined
+def read(x: Array, way: Array, k: int, H: Array) -> Array:
+    """What magnetometer k read at the instant that it tells of (3,), and its derivative H (3, errors) by the errors of now."""
+    then, since = dated(x, way, way[WAY + k])
+    reads: Array = seen(then, sight(then), k, H)
+    by_now(since, H)
+    return reads
+
+
+@inlined
+def answered(mag: Array) -> int:
+    """How many axes did."""
+    count = 0
+    for k in range(len(mag)):
+        count += 3 * (not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]))
+    return count
+
+
+@inlined
+def compared(s: Sizes, x: Array, way: Array, mag: Array, grown: float, H: Array, missed: Array, noise: Array) -> None:
+    """Fill what readings miss of a state (m,), its slopes (m, errors), zeros where a magnetometer did not answer, and the noise (m, m), its variance
+    `grown`."""
+    age = way[WAY]
+    then, since = dated(x, way, age)
+    at = sight(then)
+    for k in range(len(mag)):
+        rows = H[3 * k : 3 * k + 3]
+        for i in range(3):
+            noise[3 * k + i, 3 * k + i], missed[3 * k + i] = grown * s.mag**2, 0.0
+        if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+            clear(rows)
+            continue
+        if way[WAY + k] != age:
+            age = way[WAY + k]
+            then, since = dated(x, way, age)
+            at = sight(then)
+        reads = seen(then, at, k, rows)
+        by_now(since, rows)
+        for i in range(3):
+            missed[3 * k + i] = mag[k, i] - reads[i]
+
+
+@inlined
+def approached(dx: Array, new: Array, last: bool) -> float:
+    """Go from dx to the new error, in place; gives how far its place is, m. Only part of a long way: over a field that bends it leads astray."""
+    change = math.sqrt((new[0] - dx[0]) ** 2 + (new[1] - dx[1]) ** 2 + (new[2] - dx[2]) ** 2)
+    share = 0.1 / change if not last and change > 0.1 else 1.0
+    for i in range(len(dx)):
+        dx[i] += share * (new[i] - dx[i])
+    return change
+
+
+@inlined
+def kept(s: Sizes, x: Array, P: Array, way: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Update of a place that is known: error, covariance, what is missed squared by its covariance (of 3 a reading).
+
+    Slopes where the filter is draw a place away from the array, slopes where the readings lead to draw it near: by 2 share - 3/2 of what the readings'
+    curvature makes of the filter's variance, where half of that is their own noise, as of a hand that rests (else the filter's movement is in it).
+    """
+    size, rows = len(P), 3 * len(mag)
+    dx, C, cost, new = np.zeros(size), P.copy(), 0.0, np.empty(size)
+    H, W, missed, noise, unused = np.zeros((rows, size)), np.empty((rows, size)), np.zeros(rows), np.zeros((rows, rows)), np.zeros(rows)
+    compared(s, x, way, mag, grown, H, missed, noise)
+    for iteration in range(ITERATIONS):
+        compared(s, moved(x, SHARE * dx), way, mag, grown, H, unused, noise)
+        cost = explained(P, missed, H, noise, W, new)
+        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
+            break
+    reduced(C, W)
+    return dx, C, cost
+
+
+@inlined
+def sought(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float) -> tuple[Array, Array, float]:
+    """Update of a place that is lost, from x moved by `start`, as `kept` gives it: the slopes are those where the readings lead to."""
+    W, C = np.empty((3 * len(mag), len(P))), P.copy()
+    dx, cost = led(s, x, P, way, start, mag, grown, W)
+    reduced(C, W)
+    return dx, C, cost
+
+
+@inlined
+def led(s: Sizes, x: Array, P: Array, way: Array, start: Array, mag: Array, grown: float, W: Array) -> tuple[Array, float]:
+    """Where the readings lead from x moved by `start`: error, and what is missed as `kept` gives it; fills W (m, errors) as kalman.py has it."""
+    rows, size = W.shape
+    dx, cost, new = start.copy(), 0.0, np.empty(size)
+    H, missed, noise = np.zeros((rows, size)), np.zeros(rows), np.zeros((rows, rows))
+    for iteration in range(ITERATIONS):
+        compared(s, moved(x, dx), way, mag, grown, H, missed, noise)
+        for row in range(rows):
+            for j in range(size):
+                missed[row] += H[row, j] * dx[j]
+        cost = explained(P, missed, H, noise, W, new)
+        if approached(dx, new, iteration == ITERATIONS - 1) < NEAR:
+            break
+    return dx, cost
+
+
+@inlined
+def spaced(k: int) -> float:
+    """Places of the grid from -1 to 1, closer together in the middle, where the field bends most."""
+    u: float = 2.0 * k / (GRID - 1) - 1.0
+    return u * math.sqrt(abs(u))
+
+
+@inlined
+def searched(s: Sizes, x: Array, P: Array, mag: Array, centre: Array) -> Array:
+    """Errors (8, errors) of which only the place is not zero: where in each octant of the volume the readings fit best."""
+    best, lowest, where, missed = np.zeros((8, len(P))), np.full(8, math.inf), np.zeros(3), np.zeros(3)
+    R = matrix(x[XQ : XQ + 4])
+    m, arm, B_b = times(R, x[XM : XM + 3]), times(R, x[XM + 3 : XM + 6]), back(matrix(x[XGB : XGB + 4]), x[XB : XB + 3])
+    first = XL + 3 * len(mag)
+    tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
+    common = (P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]) / 3  # of the room's field, an error of all magnetometers alike
+    weighted = np.zeros(3)
+    for a in range(GRID):
+        where[0] = centre[0] + s.reach * spaced(a)
+        for b in range(GRID):
+            where[1] = centre[1] + s.reach * spaced(b)
+            for c in range(GRID):
+                where[2] = centre[2] + s.reach * spaced(c)
+                cost, weight = 0.0, 0.0
+                for i in range(3):
+                    weighted[i] = 0.0
+                for k in range(len(mag)):
+                    if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+                        continue
+                    square, along, strength = 1e-4, 0.0, 0.0
+                    for i in range(3):
+                        r = where[i] + arm[i] - x[first + 3 * k + i]
+                        square += r * r
+                        along += r * m[i]
+                    for i in range(3):
+                        own = MU0_4PI * (3 * along * (where[i] + arm[i] - x[first + 3 * k + i]) - square * m[i]) / square**2.5
+                        strength += own * own
+                        missed[i] = mag[k, i] - B_b[i] - own
+                    variance = s.single**2 + (tilt + 0.25) * strength  # half the field: between the points of the grid
+                    weight += 1.0 / variance
+                    cost += 3 * math.log(variance)
+                    for i in range(3):
+                        cost += missed[i] ** 2 / variance
+                        weighted[i] += missed[i] / variance
+                cost += 3 * math.log(1.0 + common * weight)
+                for i in range(3):
+                    cost -= common * weighted[i] ** 2 / (1.0 + common * weight)
+                octant = 4 * (2 * a // GRID) + 2 * (2 * b // GRID) + 2 * c // GRID
+                if cost < lowest[octant]:
+                    lowest[octant] = cost
+                    for i in range(3):
+                        best[octant, P_ + i] = where[i] - x[i]
+    return best

@@ -1,0 +1,145 @@
+"""A recording's track smoothed: what later readings say of earlier places.
+
+In      readings of a whole recording, followed by magnet_tracking.py, with the trace of what each sample says of the one before (magnet_trace.py)
+Out     the same track with the states and standard deviations that all readings tell; flags, signal and lateness as the filter has them
+Source  fixed-interval smoother of Rauch, Tung & Striebel 1965, AIAA Journal 3:1445, for the errors of trunk and hand: the filter alone corrects a place
+        with every reading, steps that would be taken for movement
+Limits  what was told before and is not exact is taken as the filter had it; readings more than two times `ROWS` later are not asked; nothing leads back
+        over a gap, or to before the hand was found anew
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.magnet.tracker.history import Trace, beside, traced
+from handscope.estimators.magnet.tracker.initialisation import as_told
+from handscope.estimators.magnet.tracker.options import MagnetParams
+from handscope.estimators.magnet.tracker.state import (
+    B_,
+    BBA,
+    BBG,
+    BTA,
+    BTG,
+    OWN,
+    P_,
+    TH,
+    THG,
+    V_,
+    VB,
+    XB,
+    XBA,
+    XBG,
+    XGB,
+    XM,
+    XQ,
+    XTA,
+    XTG,
+    XVB,
+    moved,
+)
+from handscope.estimators.magnet.tracker.tracker import Readings, State, Track, joined, part, step
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.numerics.small_matrices import put, spread
+
+ROWS = 4000  # samples that are gone through at once: 40 s at 100 Hz
+
+
+def smoothed(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
+    """A whole recording: as `magnet_tracking.step`, and then back from what came later. Errors as there."""
+    size = XM + len(as_told(state.setup))
+    behind: tuple[Track, Trace] | None = None
+    done: list[Track] = []
+    for first in range(0, max(len(readings.t), 1), ROWS):
+        here = part(readings, slice(first, first + ROWS))
+        trace = traced(len(here.t), size)
+        state, track = step(params, state, here, trace)
+        _left_alone(track, trace, behind)
+        if behind is not None:
+            done.append(_seen_from(state, *behind, trace))
+        behind = track, trace
+    assert behind is not None
+    done.append(_seen_from(state, *behind, traced(0, size)))
+    return state, joined(done)
+
+
+def _left_alone(track: Track, trace: Trace, before: tuple[Track, Trace] | None) -> None:
+    """Nothing leads back from what is doubtful, nor to it."""
+    cut = track.doubtful.copy()
+    cut[1:] |= track.doubtful[:-1]
+    if before is not None and len(cut):
+        cut[0] |= before[0].doubtful[-1]
+        trace.open[:1][cut[:1]] = before[1].own[-1]
+    trace.open[1:][cut[1:]] = trace.own[:-1][cut[1:]]
+    trace.gain[cut] = 0.0
+
+
+def _seen_from(end: State, track: Track, trace: Trace, later: Trace) -> Track:
+    """The track with what its own and later readings say, up to where the filter is now."""
+    if end.x is None or not len(track):
+        return track
+    news, cov, lasting = np.zeros(OWN), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    beside(end.covariance, cov, lasting)
+    for piece in (later, trace):
+        x, variances = np.empty_like(piece.state), np.empty_like(piece.lasting)
+        went_back(piece, news, cov, x, variances)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        filtered = trace.own[:, :1, 0] + trace.lasting[:, :1]
+        sd = np.sqrt(variances) * (track.p_sd[:, :1] / np.sqrt(filtered))  # as much in doubt as before
+    return replace(
+        track,
+        p_bt=x[:, 0:3],
+        v_bt=x[:, 3:6],
+        q_bt=x[:, XQ : XQ + 4],
+        q_gb=x[:, XGB : XGB + 4],
+        field=x[:, XB : XB + 3],
+        p_sd=sd[:, P_ : P_ + 3],
+        v_sd=sd[:, V_ : V_ + 3],
+        q_bt_sd=sd[:, TH : TH + 3],
+        q_gb_sd=sd[:, THG : THG + 3],
+    )
+
+
+@looped
+def went_back(trace: Trace, news: Array, cov: Array, states: Array, variances: Array) -> None:
+    """Fill states (n, 45 + 6 L) and variances (n, 30) of the trace's samples. `news` (30,), what is to be put into the filter's state, and `cov` (30, 30), how
+    sure that is beside what lasts, are of its last sample and become those of the sample before its first."""
+    C, open_, made, apart = np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN)), np.empty(OWN)
+    for n in range(len(states) - 1, -1, -1):
+        x = moved(trace.state[n], news)
+        differ(x, trace.expected[n], apart)
+        put(trace.gain[n], C)
+        put(trace.open[n], open_)
+        for i in range(len(x)):
+            states[n, i] = x[i]
+        for i in range(OWN):
+            variances[n, i], news[i] = cov[i, i] + trace.lasting[n, i], 0.0
+        spread(C, cov, made)
+        for i in range(OWN):
+            for j in range(OWN):
+                cov[i, j] = open_[i, j] + made[i, j]
+                if C[i, j] != 0.0:
+                    news[i] += C[i, j] * apart[j]
+
+
+@inlined
+def differ(x: Array, other: Array, apart: Array) -> None:
+    """The errors (30,) by which a state differs from another: what `moved` puts in."""
+    for i in range(3):
+        apart[P_ + i], apart[V_ + i] = x[i] - other[i], x[3 + i] - other[3 + i]
+        apart[B_ + i] = x[XB + i] - other[XB + i]
+        apart[BTG + i], apart[BTA + i] = x[XTG + i] - other[XTG + i], x[XTA + i] - other[XTA + i]
+        apart[BBG + i], apart[BBA + i] = x[XBG + i] - other[XBG + i], x[XBA + i] - other[XBA + i]
+        apart[VB + i] = x[XVB + i] - other[XVB + i]
+    between(other[XQ : XQ + 4], x[XQ : XQ + 4], apart[TH : TH + 3])
+    between(other[XGB : XGB + 4], x[XGB : XGB + 4], apart[THG : THG + 3])
+
+
+@inlined
+def between(from_q: Array, to_q: Array, turn: Array) -> None:
+    """Rotation vector (3,) from one orientation to another, about the axes of what is turned."""
+    q = np.empty(4)
+    quat.relative_row(from_q, to_q, q)
+    quat.log_row(q, turn, turn)

@@ -1,0 +1,67 @@
+"""Whether trunk and hand stand still; of the hand also the magnet before magnetometers that stand still: what its inertial sensor cannot tell of a slide.
+
+In      inertial samples and the newest readings of the magnetometers, a window that ends at each sample
+Out     whether the window passes the test of standstill; whether the field changed within the window by more than noise
+Source  ours. Zero velocity by a generalised likelihood ratio (zero_velocity.py) takes a slow smooth reach for a tilt: 1 m/s^2 along the ground
+        changes the size of the specific force by 0.5 %. The magnet's field then changes by three times the share of the distance that the hand went
+Limits  a magnet that is hardly heard may move unseen
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.sensors.zero_velocity_detector import likelihood_ratios
+
+SLIDE = 48  # samples over which a slow slide shows in the magnet's field
+SURE = 5.0  # standard deviations of the mean square of differences beyond which they are no noise
+
+
+def stood(
+    recent: Array, samples: Array, mag: Array, length: int, gyr_sd: float, acc_sd: float, noise: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The newest rows that the next test needs, and whether base and target stood still up to each sample (n, 2); recent (m, 12 + 3 magnetometers)
+    of samples (n, 12) and mag (n, magnetometers, 3) before these; limits as in zero_velocity.py, `noise` of a magnetometer T."""
+    joined = np.concatenate([recent, np.column_stack([samples, mag.reshape(len(mag), 3 * mag.shape[1])])])
+    still = np.zeros((len(samples), 2), bool)
+    if len(joined) >= length and len(samples):
+        begun = max(len(joined) - len(samples) - length + 1, 0)
+        windows = np.lib.stride_tricks.sliding_window_view(joined[begun:, :12], length, axis=0).transpose(0, 2, 1)
+        for k in range(2):
+            ratio = likelihood_ratios(windows[:, :, 6 * k : 6 * k + 3], windows[:, :, 6 * k + 3 : 6 * k + 6], gyr_sd, acc_sd)
+            still[len(samples) - len(ratio) :, k] = ratio < 1.0
+    if len(joined) >= SLIDE and len(samples):
+        slides = moving(joined[:, 12:].reshape(len(joined), mag.shape[1], 3), SLIDE, noise)[-len(samples) :]
+        still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
+    return joined[-(max(length, SLIDE) - 1) :], still
+
+
+def moving(mag: Array, length: int, noise: float) -> NDArray[np.bool_]:
+    """Of every window of `length` samples in mag (n, magnetometers, 3) T, of which some may be NaN, whether its halves differ: (n - length + 1,). What
+    several magnetometers have in common is the room's field before a trunk that breathes."""
+    flat = (mag - _common(mag) if mag.shape[1] > 1 else mag).reshape(len(mag), -1)
+    half = length // 2
+    first, many = _means(flat[: len(flat) - length + half], half)
+    second, more = _means(flat[length - half :], half)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = (second - first) ** 2 / (noise**2 * (1.0 / many + 1.0 / more))
+    known = np.isfinite(square)
+    count = known.sum(axis=1)
+    mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.asarray((count > 0) & (mean > 1.0 + SURE * np.sqrt(2.0 / np.maximum(count, 1))))
+
+
+def _common(mag: Array) -> Array:
+    """Mean (n, 1, 3) of the magnetometers that answered; NaN where none did."""
+    known = np.isfinite(mag)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, mag, 0.0).sum(axis=1, keepdims=True) / known.sum(axis=1, keepdims=True))
+
+
+def _means(flat: Array, length: int) -> tuple[Array, Array]:
+    """Means over windows and how many readings they rest on; NaN without any."""
+    known = np.isfinite(flat)
+    windows = np.lib.stride_tricks.sliding_window_view(np.where(known, flat, 0.0), length, axis=0)
+    count = np.lib.stride_tricks.sliding_window_view(known, length, axis=0).sum(axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(windows.sum(axis=-1) / count), np.asarray(count)

@@ -1,0 +1,332 @@
+"""Where the hand is and how it is turned against the trunk, from a permanent magnet on the hand and magnetometers on the trunk, live and in batch.
+
+In      Readings: inertial samples of trunk (base b) and hand (target t), any number of calibrated magnetometers on the trunk; a Setup
+Out     Track at every sample: p_bt, v_bt, q_bt, q_gb, the environment's field, standard deviations, signal, what is doubtful
+Source  Kortier, thesis ch. 5: error-state filter (5.2), dipole (5.7)-(5.15), accelerometers (5.16), (5.17), standstill and volume (5.18), process
+        (5.19)-(5.22), signal (5.23); standstill test: Skog et al. 2010 (zero_velocity.py). The arithmetic: magnet_filter.py,
+        magnet_inertial.py, magnet_lateness.py, magnet_reading.py, magnet_loop.py
+Frames  g: z up, y where the horizontal field of the environment points; v_bt is the difference of the velocities against g, in the axes of b
+Limits  with one magnetometer the field of the room and the magnet's cannot be told apart while the trunk turns; the field must be homogeneous over the
+        array. A magnet that nobody told of is flagged, not tracked
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincc
+
+from handscope.estimators.errors import InputError
+from handscope.estimators.magnet.model.setup import EARTH_STRONGEST, EARTH_WEAKEST, Constellation, Magnet, require_field
+from handscope.estimators.magnet.tracker import initialisation as magnet_initialisation
+from handscope.estimators.magnet.tracker import standstill as magnet_standstill
+from handscope.estimators.magnet.tracker.history import Trace, rows_of, traced
+from handscope.estimators.magnet.tracker.initialisation import Setup
+from handscope.estimators.magnet.tracker.latency import WAY
+from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, sizes
+from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
+from handscope.estimators.magnet.tracker.update_cycle import MOODS, WIDE, followed
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+
+ORDINARY = 2.5  # standard deviations of the largest of some thirty normal errors
+LISTENED = (32, 256)  # first whole readings that tell the magnetometers' noise: to 7 %, then to 3 % with four of them
+QUARTILE = 1.1503  # standard deviations that three quarters of normal errors stay below
+SEEN = 1.1  # times what was told from which on the noise that was measured counts: 1.22 of it unsaid would be a contradiction for good
+LOUDER = 1.5  # times what was told from which on all is begun anew
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Samples of any length, 0 included."""
+
+    t: Array  # (n,) s
+    base: Array  # (n, 6) gyroscope rad/s, accelerometer m/s^2, base frame
+    target: Array  # (n, 6) the same, target frame
+    mag: Array  # (n, magnetometers, 3) T, calibrated, each in its own axes; NaN where there is none at that instant
+    age: Array | None = None  # (n, magnetometers) s for which each has been waiting for its instant; None: none has
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs: save it, copy it, start again from it."""
+
+    setup: Setup
+    x: Array | None  # (45 + 6 magnetometers,) as magnet_filter.py has it; None before the first whole sample
+    covariance: Array  # (43 + 6 magnetometers,) squared
+    mood: Array  # (9,) as magnet_loop.py has it
+    newest: Array  # (12,) last good inertial readings
+    way: Array  # (22 + magnetometers,) as magnet_lateness.py has it
+    recent: Array  # (m, 12 + 3 magnetometers) for the test of standstill
+    heard: Array | None  # (m, magnetometers, 3) T, whole readings until their noise is known; None after that
+    noise: float = 0.0  # uT, where it is more than was told
+    contradicted: float = -np.inf  # s, newest sample at which readings contradicted what was told
+    t: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Track:
+    t: Array  # (n,) s
+    p_bt: Array  # (n, 3) m; NaN before the first whole sample, as everything
+    v_bt: Array  # (n, 3) m/s
+    q_bt: Array  # (n, 4)
+    q_gb: Array  # (n, 4)
+    field: Array  # (n, 3) T, of the environment, global frame
+    p_sd: Array  # (n, 3) m
+    v_sd: Array  # (n, 3) m/s
+    q_bt_sd: Array  # (n, 3) rad, about the axes of t
+    q_gb_sd: Array  # (n, 3) rad, about the axes of b
+    snr: Array  # (n, magnetometers) dB, (5.23); see `signal`
+    lateness: Array  # (n,) s by which magnetometers' readings are stamped later than inertial ones; accounted for where not doubtful
+    lateness_sd: Array  # (n,) s
+    surprise: Array  # (n,) mean normalised innovation squared of the magnetometers; about 1 or less where all is as told
+    saturated: NDArray[np.bool_]  # (n, magnetometers) reading at the limit, left out
+    still: NDArray[np.bool_]  # (n, 2) base, target
+    doubtful: NDArray[
+        np.bool_
+    ]  # (n,) readings contradict setup or room: a second magnet, iron, an uncalibrated magnetometer; do not use the place
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def start(setup: Setup) -> State:
+    """Before the first sample. InputError where the setup cannot be."""
+    if not EARTH_WEAKEST <= setup.earth <= EARTH_STRONGEST:
+        raise InputError(
+            f"The earth's field is said to be {1e6 * setup.earth:g} uT where the magnetometers were calibrated; it is 22 to 67 uT on Earth."
+        )
+    return State(
+        setup,
+        None,
+        np.empty((0, 0)),
+        np.concatenate([[1.0], np.zeros(MOODS - 1)]),
+        np.full(12, np.nan),
+        np.zeros(WAY + len(setup.array)),
+        np.empty((0, 12 + setup.array.places.size)),
+        np.empty((0, len(setup.array), 3)),
+    )
+
+
+def step(params: MagnetParams, state: State, readings: Readings, trace: Trace | None = None) -> tuple[State, Track]:
+    """Advance by samples of any number; nothing depends on where they are cut. Magnetometers with more noise than was told are found out by their first
+    readings: what was made of those is forgotten. Fills a trace of as many rows, for who goes back (magnet_smoothing.py)."""
+    n, many = len(readings.t), len(state.setup.array)
+    if readings.mag.shape != (n, many, 3) or readings.base.shape != (n, 6) or readings.target.shape != (n, 6):
+        raise InputError(
+            f"Magnetometer readings are {readings.mag.shape}, inertial ones {readings.base.shape} and {readings.target.shape}; {n} samples of {many} magnetometers were told."
+        )
+    if state.heard is None:
+        return _advanced(params, state, readings, trace)
+    fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
+    heard = np.concatenate([state.heard, readings.mag[fresh]])
+    enough = next(many for many in LISTENED if many > len(state.heard))
+    if len(heard) < enough:
+        return _advanced(params, replace(state, heard=heard), readings, trace)
+    cut = int(fresh[enough - 1 - len(state.heard)]) + 1
+    state, early = _advanced(params, state, part(readings, slice(cut)), rows_of(trace, slice(cut)))
+    later = slice(cut, None)
+    listening = _listened(params, state, heard[:enough])
+    begun_anew = listening.x is not state.x
+    state, late = step(params, listening, part(readings, later), rows_of(trace, later))
+    if begun_anew and trace is not None and cut < len(trace.gain):  # nothing leads back to what was made before
+        trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
+    return state, joined([early, late])
+
+
+def _listened(params: MagnetParams, state: State, heard: Array) -> State:
+    """With the noise that readings heard so far (n, magnetometers, 3) show, and what had been judged by another forgotten."""
+    noise, first = 1e6 * _noise(heard), len(heard) == LISTENED[0]
+    more = None if len(heard) == LISTENED[-1] else heard
+    louder = noise > LOUDER * params.mag_noise
+    if first and state.x is not None and (louder or _lost(state)):
+        return replace(_anew(params, state, heard, max(noise, params.mag_noise)), heard=more, noise=noise if louder else 0.0)
+    if noise <= SEEN * params.mag_noise:
+        noise = 0.0
+    if not noise > max(state.noise, params.mag_noise):
+        return replace(state, heard=more, noise=noise)
+    mood = np.concatenate([[1.0], state.mood[1:]])
+    return replace(state, heard=more, noise=noise, mood=mood, contradicted=-np.inf)
+
+
+def _lost(state: State) -> bool:
+    return float(np.trace(state.covariance[P_ : P_ + 3, P_ : P_ + 3])) > WIDE**2
+
+
+def _anew(params: MagnetParams, state: State, heard: Array, noise: float) -> State:
+    """Begun once more at the newest sample, of `noise` uT; where the hand is by the mean of readings heard so far (n, magnetometers, 3), if it held still."""
+    params, begun = replace(params, mag_noise=noise), start(state.setup)
+    near = None
+    if not magnet_standstill.moving(heard, len(heard), 1e-6 * noise).any():
+        at = Readings(np.array([state.t]), state.newest[None, :6], state.newest[None, 6:], heard.mean(axis=0)[None])
+        told = _advanced(replace(params, mag_noise=noise / np.sqrt(len(heard))), begun, at, None)[0]
+        near = None if told.x is None or _lost(told) else magnet_initialisation.there(told.x)
+    mag_b = quat.rotate(state.setup.array.q_bl, heard[-1])
+    x, P = magnet_initialisation.begun(params, state.setup, state.newest, heard[-1], mag_b, near)
+    return replace(begun, x=x, covariance=P, newest=state.newest, recent=state.recent, t=state.t)
+
+
+def _noise(mag: Array) -> float:
+    """White noise, T, of readings (n, magnetometers, 3), by their third differences, of which the largest quarter may be movement."""
+    return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
+
+
+def _advanced(params: MagnetParams, state: State, readings: Readings, trace: Trace | None) -> tuple[State, Track]:
+    """By samples over which the noise of the magnetometers is one."""
+    params = replace(params, mag_noise=max(params.mag_noise, state.noise))
+    array, n, samples = state.setup.array, len(readings.t), np.concatenate([readings.base, readings.target], axis=1)
+    limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
+    samples = np.where(np.abs(samples) < 0.999 * limits, samples, np.nan)
+    with np.errstate(invalid="ignore"):
+        saturated = np.asarray((np.abs(readings.mag) >= 0.999e-6 * params.mag_range).any(axis=2))
+    mag = np.where(saturated[..., None], np.nan, readings.mag)
+    mag_b = quat.rotate(array.q_bl, mag) if n else mag
+    first, x, P = 0, state.x, state.covariance
+    if x is None:
+        whole = np.isfinite(samples).all(axis=1) & np.isfinite(mag).all(axis=(1, 2))
+        if not whole.any():
+            return replace(state, t=float(readings.t[-1]) if n else state.t), _before(state, readings, 0, n, saturated)
+        first = int(whole.argmax())
+        x, P = magnet_initialisation.begun(params, state.setup, samples[first], readings.mag[first], mag_b[first])
+        state = replace(state, t=float(readings.t[first]), newest=samples[first])
+    window, still = magnet_standstill.stood(
+        state.recent, samples[first:], mag[first:], params.still_samples, params.still_gyr * DEG, params.still_acc, 1e-6 * params.mag_noise
+    )
+    x, P, mood, newest, way = x.copy(), P.copy(), state.mood.copy(), state.newest.copy(), state.way.copy()
+    rows = n - first
+    states, variances, moods = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
+    dts = np.diff(readings.t[first:], prepend=state.t)
+    setup = state.setup
+    x = followed(
+        sizes(params, magnet_initialisation.span(array)),
+        magnet_initialisation.centre(setup),
+        x,
+        P,
+        mood,
+        newest,
+        way,
+        dts,
+        np.ascontiguousarray(samples[first:]),
+        np.ascontiguousarray(mag_b[first:]),
+        _ages(readings)[first:],
+        still.astype(float),
+        states,
+        variances,
+        moods,
+        rows_of(trace, slice(first, None)) or traced(0, len(x)),
+    )
+    t = float(readings.t[-1]) if n else state.t
+    track = _told(params, setup, readings, first, states, np.sqrt(np.maximum(variances, 0.0)), moods, saturated, still, mag)
+    now = readings.t[first:]
+    known = np.concatenate([[state.contradicted], np.where(track.doubtful[first:], now, -np.inf)])
+    contradicted = np.maximum.accumulate(known)
+    doubtful = np.concatenate([track.doubtful[:first], now - contradicted[1:] <= params.doubt_lasts])
+    state = replace(state, x=x, covariance=P, mood=mood, newest=newest, way=way, recent=window, t=t)
+    return replace(state, contradicted=float(contradicted[-1])), replace(track, doubtful=doubtful)
+
+
+def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
+    """Nothing waits; here for the shape that every tracker has."""
+    nothing = Readings(np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3)))
+    return state, _before(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
+
+
+def tracked(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
+    """A whole recording at once: the same steps as live. InputError where the readings cannot be T."""
+    require_field(readings.mag)
+    return step(params, start(setup), readings)[1]
+
+
+def learned(state: State) -> Setup:
+    """The setup with the magnet's moment and place and the constellation as the readings have corrected them: for the next recording with the same
+    plate and magnet. How much is learnt depends on the movement: half a minute of picking and placing tells the moment to 4 %, its place hardly."""
+    if state.x is None:
+        return state.setup
+    x, many = state.x[XM:], state.setup.array.places.size
+    array = Constellation(x[12 + many : -1].reshape(-1, 3).copy(), state.setup.array.q_bl)
+    return replace(state.setup, array=array, magnet=Magnet(x[0:3].copy(), x[3:6].copy()))
+
+
+def signal(mag: Array, earth: float) -> Array:
+    """(5.23), dB: 20 log10 of the readings' strength (..., 3) over the earth's. 0 is the earth's field alone; +0.5 is 6 % more, a magnet of 0.3 A m^2
+    at about 28 cm; +6 twice the earth's. It is below 0 where the magnet's field weakens the earth's, and so no measure of accuracy: p_sd is."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(20 * np.log10(np.linalg.norm(mag, axis=-1) / earth))
+
+
+def by_chance(moved: Array, left: Array) -> Array:
+    """Probability (n,) that normal errors move what was told (n, k) so far together or farther, `left` (n, k) of it not being known yet; all in standard
+    deviations as told. What is learnt of k errors is as much as 1 - left^2 of each: their sum of squares is chi-squared of that many, or less scattered."""
+    learnt = np.maximum(1.0 - left**2, 0.0).sum(axis=1)
+    return np.asarray(gammaincc(0.5 * np.maximum(learnt, 1.0), 0.5 * (moved**2).sum(axis=1)))
+
+
+def _told(
+    params: MagnetParams,
+    setup: Setup,
+    readings: Readings,
+    first: int,
+    x: Array,
+    sd: Array,
+    moods: Array,
+    saturated: NDArray[np.bool_],
+    still: NDArray[np.bool_],
+    mag: Array,
+) -> Track:
+    field = x[:, XB : XB + 3]
+    sure = magnet_initialisation.sure_of(params, setup)
+    moved = np.abs(x[:, XM:] - magnet_initialisation.as_told(setup)) / sure
+    chance = by_chance(moved[:, :-1], sd[:, OWN:-1] / sure[:-1])
+    strained = moved[:, :-1].max(axis=1)  # what must have been told wrong for the readings to fit
+    sd = sd * np.maximum(1.0, strained / ORDINARY)[:, None]
+    strange = np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2  # iron or a magnet that the filter took for the room
+    rest = Track(
+        readings.t[first:],
+        x[:, 0:3],
+        x[:, 3:6],
+        x[:, XQ : XQ + 4],
+        x[:, XGB : XGB + 4],
+        field,
+        sd[:, P_ : P_ + 3],
+        sd[:, V_ : V_ + 3],
+        sd[:, TH : TH + 3],
+        sd[:, THG : THG + 3],
+        signal(mag[first:], setup.earth),
+        x[:, -1],
+        sd[:, -1],
+        moods,
+        saturated[first:],
+        still,
+        (moods > params.doubt) | strange | (moved.max(axis=1) > params.strain) | (chance < params.chance) | (len(setup.array) < 2),
+    )
+    if not first:
+        return rest
+    return joined([_before(start(setup), readings, 0, first, saturated), rest])
+
+
+def joined(pieces: Sequence[Track]) -> Track:
+    """One after the other."""
+    return Track(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Track)))
+
+
+def part(readings: Readings, rows: slice) -> Readings:
+    """Some of the readings."""
+    age = None if readings.age is None else readings.age[rows]
+    return Readings(readings.t[rows], readings.base[rows], readings.target[rows], readings.mag[rows], age)
+
+
+def _ages(readings: Readings) -> Array:
+    return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
+
+
+def _before(state: State, readings: Readings, first: int, last: int, saturated: NDArray[np.bool_]) -> Track:
+    """Samples before the filter could start: nothing is known."""
+    n = last - first
+    v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
+    silent = np.full((n, len(state.setup.array)), np.nan)
+    never = np.zeros((n, 2), bool)
+    return Track(
+        readings.t[first:last], v, v, q, q, v, v, v, v, v, silent, v[:, 0], v[:, 0], v[:, 0], saturated[first:last], never, np.ones(n, bool)
+    )

@@ -1,0 +1,97 @@
+"""Movements there and back of an angle - fists, turns of the forearm -, measured in the same terms as finger tapping.
+
+In      an angle (n,) that is smallest where a cycle begins and ends, its standard deviation, the grade of the samples
+Out     cycles, stops, figures, curves
+Source  cycles.py and cycle_figures.py
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.measures import cycle_figures, cycles
+from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from handscope.estimators.measures.cycles import Cycles, Params, Stops
+from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
+from handscope.estimators.measures.plot_data import Curve, Shown
+from handscope.estimators.numerics.quaternions import Array
+
+STILL = (1.0, 0.8, 1.2)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+
+
+@dataclass(frozen=True)
+class Words:
+    """What a measure's figures are called."""
+
+    prefix: str
+    one: str  # a cycle
+    angle: str  # what opens
+
+    def times(self) -> Mapping[str, Kind]:
+        return time_kinds(self.prefix, self.one)
+
+    def sizes(self) -> Mapping[str, Kind]:
+        return size_kinds(self.prefix, self.one, "rad", self.angle)
+
+    def stops(self) -> Mapping[str, Kind]:
+        return stop_kinds(self.prefix, "the " + self.angle)
+
+    def kinds(self) -> Mapping[str, Kind]:
+        return kinds(*self.times().values(), *self.sizes().values(), *self.stops().values())
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """One trial."""
+
+    params: Params
+    cycles: Cycles | None  # None: not measured
+    stops: tuple[Stops, ...]  # at STILL times the threshold speed
+    sd: float | None  # rad, of the angle's error at one instant
+    grade: Grade
+    reason: str
+
+
+def measured(
+    params: Params, t: Array, angle: Array, within: tuple[float, float], graded: tuple[Grade, str], sd: float | None = None
+) -> Repeated:
+    """Cycles within [onset, end] of an angle (n,) in rad."""
+    if np.isfinite(angle).sum() < 3:
+        return Repeated(params, None, (), None, "poor", "not measured")
+    c = cycles.found(params, t, angle, params.smallest_turn, within)
+    if not c.count:
+        return Repeated(params, c, (), sd, "poor", "no complete movement found")
+    moving = (float(c.closings[0]), min(within[1], float(c.t[-1])))
+    stops = tuple(cycles.stops(params, t, angle, moving, share) for share in STILL)
+    return Repeated(params, c, stops, sd, *cycles.said_of(c, graded))
+
+
+def of_array(params: Params, t: Array, angle: Array, sd: float | None) -> Repeated:
+    """The same of plain arrays, the whole of them; InputError where they are no signal."""
+    cycles.require_fast(params, t, angle)
+    return measured(params, t, angle, (-np.inf, np.inf), ("good", ""), sd)
+
+
+def figures_of(words: Words, r: Repeated) -> list[Figure]:
+    """The flat list of figures."""
+    graded = (r.grade, r.reason)
+    if r.cycles is None or not r.cycles.count:
+        count = np.nan if r.cycles is None else 0.0
+        return [k.of(count if k.what.endswith("_count") else np.nan, 0.0, *graded) for k in words.kinds().values()]
+    made = cycle_figures.time_figures(r.params, words.times(), words.prefix, r.cycles, graded)
+    made += cycle_figures.size_figures(r.params, words.sizes(), words.prefix, r.cycles, r.sd, graded)
+    return made + cycle_figures.stop_figures(r.params, words.stops(), words.prefix, r.stops, graded)
+
+
+def shown_of(words: Words, r: Repeated) -> Shown:
+    """The angle over time with closings and freezes, and the amplitude of every cycle."""
+    if r.cycles is None:
+        return Shown()
+    c = r.cycles
+    curves = (
+        Curve(f"{words.prefix}_angle", "rad", c.t, c.opening),
+        Curve(f"{words.prefix}_amplitude", "rad", np.arange(1.0, c.count + 1), c.amplitudes, "1"),
+    )
+    marks = {"closing": c.closings} | ({"freeze": r.stops[0].lasting(r.params.freeze)} if r.stops else {})
+    return Shown(curves, marks)

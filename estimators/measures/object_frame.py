@@ -1,0 +1,65 @@
+"""What is held, as it seems so far: mass or stiffness by recursive least squares while a task still goes on.
+
+In      a trajectory with fingertip forces up to now
+Out     the estimate as it stood after every sample of the newest grasp, with its standard deviation; None where it cannot be told
+Source  Kortier, thesis (6.5), (6.6), recursive with forgetting; lift.py and squeeze.py tell the same of the finished task
+Limits  the object is taken to be at rest now: while it is being raised its speed is not known, and the mass is told from what has been seen since it left the table
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.force import grasp_phases
+from handscope.estimators.force.grasp_phases import UNSURE, Holding
+from handscope.estimators.force.identification import Running
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import lift, squeeze
+from handscope.estimators.measures.signals import LEAST, even
+
+
+def mass(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+    """kg, of what was lifted last."""
+    params = lift.Params()
+    h = _newest(trajectory, geometry)
+    moving = np.flatnonzero(np.abs(h.speed) > params.moving) if h is not None and np.isfinite(h.speed).all() else np.empty(0, int)
+    if h is None or not len(moving):
+        return None
+    up = h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted  # neither let go nor back on the table
+    last = np.inf if up else h.t[moving[-1]] - params.margin
+    used = (h.t >= h.t[moving[0]] + params.margin) & (h.t <= last) & np.isfinite(h.forces).all(axis=(1, 2))
+    if used.sum() < LEAST or _unsure(h, used) or h.height[used].max() < params.lifted:
+        return None
+    return lift.mass_of(params, h, used).running
+
+
+def stiffness(trajectory: Trajectory, geometry: HandGeometry) -> Running | None:
+    """N/m, of what was squeezed last."""
+    params = squeeze.Params()
+    h = _newest(trajectory, geometry)
+    if h is None or "thumb" not in h.fingers or len(h.fingers) < 2:
+        return None
+    used = (h.t > h.t[0] + params.margin) & np.isfinite(h.squeeze) & np.isfinite(h.distance)
+    if used.sum() < 2 * LEAST or _unsure(h, used):
+        return None
+    force, distance = (even(h.t[used], v[used], lowpass=params.lowpass) for v in (h.squeeze, h.distance))
+    if np.ptp(force.values) < params.least_force or np.ptp(distance.values) < params.least_depth:
+        return None
+    bent = squeeze.bent(force.t, force.values, distance.values)
+    return squeeze.running(squeeze.knowing(params, h), force.t, force.values, distance.values, grasp_phases.untold_share(h, used), bent)
+
+
+SO_FAR: Mapping[str, tuple[str, Callable[[Trajectory, HandGeometry], Running | None]]] = {  # by measure: what is told of it
+    "lift": ("mass", mass),
+    "squeeze": ("stiffness", stiffness),
+}
+
+
+def _newest(trajectory: Trajectory, geometry: HandGeometry) -> Holding | None:
+    found = grasp_phases.holdings(lift.Params(), trajectory, geometry)
+    return found[-1] if found and len(found[-1].t) >= LEAST else None
+
+
+def _unsure(h: Holding, used: np.ndarray) -> bool:
+    return bool(np.bitwise_or.reduce(h.flags[used], axis=None) & UNSURE)

@@ -1,0 +1,58 @@
+"""What a page or a report draws of a measure beside its figures: curves over time, frequency or repetition, and marks on them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.numerics.quaternions import Array
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values over something; NaN is a gap."""
+
+    name: str  # key of its words: distance, tapping_amplitude, spectrum, ... or a joint angle such as index_pip_flexion
+    unit: str  # of y, SI
+    x: Array  # (n,)
+    y: Array  # (n,)
+    x_unit: str = "s"  # "s" of the recording; "Hz" of a spectrum; "1" number of the repetition; "m" of a distance, in order of size
+
+
+@dataclass(frozen=True)
+class Shown:
+    curves: tuple[Curve, ...] = ()
+    marks: Mapping[str, Array] = field(default_factory=dict)  # s of the recording by the key of their words: closing, freeze, ...
+
+
+NOTHING = Shown()
+
+
+def thinned(curves: Sequence[Curve], most: int) -> tuple[Curve, ...]:
+    """Each at most about `most` points; of every stretch left out its smallest and largest value stay, so that no peak is lost. Curves over the same x keep one."""
+    alike: list[list[int]] = []
+    for k, curve in enumerate(curves):
+        group = next((g for g in alike if curve.x_unit == curves[g[0]].x_unit and np.array_equal(curve.x, curves[g[0]].x)), None)
+        if group is None:
+            alike.append([k])
+        else:
+            group.append(k)
+    kept = {k: rows for group in alike for rows in [_kept([curves[k].y for k in group], most)] for k in group}
+    return tuple(c if kept[k] is None else replace(c, x=c.x[kept[k]], y=c.y[kept[k]]) for k, c in enumerate(curves))
+
+
+def _kept(values: Sequence[Array], most: int) -> NDArray[np.int_] | None:
+    """The rows that stay of curves (n,) over one x; None where all do."""
+    n = len(values[0])
+    if n <= most:
+        return None
+    width = -(-2 * len(values) * n // most)
+    rows: list[int] = []
+    for start in range(0, n, width):
+        found = set()
+        for y in (v[start : start + width] for v in values):
+            known = np.flatnonzero(np.isfinite(y))
+            found |= {start + int(known[k]) for k in (np.argmin(y[known]), np.argmax(y[known]))} if len(known) else set()
+        rows += sorted(found or {start})
+    return np.array(rows)

@@ -1,0 +1,131 @@
+"""The hand from the orientations of its sensors: the pipeline that B, M1 and M2 share (estimators/methods/b.py, m1.py, m2.py).
+
+In      inertial and magnetic blocks of any subset of sensors (the hand's is needed), a Calibration
+Out     Trajectory: joint angles, segment orientations, fingertips in the wrist frame
+Source  Salchow-Hoemmen 2019, 2.4: (17), (18), (19)-(22), (23)-(27)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from handscope.estimators.alignment import functional_movements
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.options import option
+from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
+from handscope.estimators.hand import pose as hand_pose
+from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.orientation import fusion as orientation_fusion
+from handscope.estimators.orientation import heading_constraints, resampling
+from handscope.estimators.sensors import magnetometer_resampling
+
+UNSURE = np.uint8(Flag.MISSING | Flag.SATURATED)  # samples that tell no heading
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(orientation_fusion.FusionParams, functional_movements.FunctionalParams, heading_constraints.HeadingParams):
+    MAGNETOMETER: ClassVar[bool] = False  # whether headings come from magnetometers
+    constraints: bool = option(
+        True,
+        "",
+        "zero the angles that are no freedom of their joint and clip the rest to the permitted range",
+        "Salchow-Hoemmen 2019, 2.4.3",
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything the next step needs: save it, copy it, start again from it."""
+
+    calibration: Calibration
+    q_SB: Array  # (segments, 4) segment-to-sensor rotations, identity where not measured
+    sensors: Mapping[str, orientation_fusion.StreamState]  # by stream
+    rows: resampling.State
+    magnetic: magnetometer_resampling.State | None = None  # None: headings come from the pose alone
+    headings: heading_constraints.State | None = None  # None: nothing corrects them
+
+
+def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
+    """Begin at the calibration's moment."""
+    q_SB = np.tile(quat.IDENTITY, (len(SEGMENTS), 1))
+    for name, q_BS in calibration.q_BS.items():
+        q_SB[SEGMENT[name]] = quat.conjugate(q_BS)
+    inertial = [s for s in streams if s.inertial]
+    magnetic = magnetometer_resampling.start(streams) if params.MAGNETOMETER else None
+    used = [magnetometer_resampling.joined_stream(s) for s in inertial] if params.MAGNETOMETER else inertial
+    sensors = {s.name: _sensors(params, calibration, s) for s in used}
+    corrected = params.heading_correction and not params.MAGNETOMETER
+    return State(
+        calibration, q_SB, sensors, resampling.start(used), magnetic, heading_constraints.start(calibration.q_BS_sd) if corrected else None
+    )
+
+
+def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
+    """Advance by one block of any length, 0 included; blocks of streams that the method does not use change nothing."""
+    if state.magnetic is None:
+        return _fuse(params, state, [block] if block.stream.inertial else [])
+    magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
+    return _fuse(params, replace(state, magnetic=magnetic), blocks)
+
+
+def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
+    """For a live view: give out what is older than `patience` s without waiting for a strip or magnetometer that is silent."""
+    pieces = []
+    if state.magnetic is not None:
+        magnetic, blocks = magnetometer_resampling.release(state.magnetic, patience)
+        state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
+        pieces.append(piece)
+    rows, given = resampling.release(state.rows, patience)
+    state, piece = _hand(params, replace(state, rows=rows), given)
+    return state, join([*pieces, piece], state.calibration.hand)
+
+
+def finish(params: Params, state: State) -> tuple[State, Trajectory]:
+    """Give out what was held back: nothing more will come."""
+    pieces = []
+    if state.magnetic is not None:
+        magnetic, blocks = magnetometer_resampling.release(state.magnetic, -np.inf)
+        state, piece = _fuse(params, replace(state, magnetic=magnetic), blocks)
+        pieces.append(piece)
+    sensors, rows, given = resampling.drained(params, state.sensors, state.rows)
+    state, piece = _hand(params, replace(state, sensors=sensors, rows=rows), given)
+    return state, join([*pieces, piece], state.calibration.hand)
+
+
+def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Trajectory]:
+    """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
+    sensors, pieces = dict(state.sensors), []
+    for block in blocks:
+        fusion = sensors.get(block.stream.name)
+        if fusion is None or fusion.stream != block.stream:  # plugged in later, or with another rate or other sensors than before
+            fusion = _sensors(params, state.calibration, block.stream)
+        sensors[block.stream.name], oriented = orientation_fusion.step(params, fusion, block)
+        rows, given = resampling.step(state.rows, block.stream, oriented)
+        state, piece = _hand(params, replace(state, rows=rows), given)
+        pieces.append(piece)
+    return replace(state, sensors=sensors), join(pieces, state.calibration.hand)
+
+
+def _sensors(params: Params, calibration: Calibration, stream: Stream) -> orientation_fusion.StreamState:
+    north = calibration.north if params.MAGNETOMETER else {}
+    rate = calibration.rates.get(stream.name)
+    return orientation_fusion.start(stream, calibration.q_GS, calibration.gyr_bias, calibration.end, north, rate)
+
+
+def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, Trajectory]:
+    """Pose of the hand from the sensors' orientations."""
+    if not len(rows.t):
+        return state, empty(state.calibration.hand)
+    q_GB, flags = quat.multiply(rows.q_GS, state.q_SB), rows.flags
+    if state.headings is not None:
+        headings, q_GB, lost = heading_constraints.step(params, state.headings, rows.t, q_GB, rows.doubt, (rows.flags & UNSURE) == 0)
+        state, flags = replace(state, headings=headings), (flags & ~np.uint8(Flag.HEADING_LOST)) | np.uint8(Flag.HEADING_LOST) * lost
+    pose = hand_pose.posed(hand_pose.between(q_GB), q_GB, state.calibration.geometry, params.constraints)
+    q_GS = pose.q_GS if params.constraints else q_GB
+    q_GS[:, SEGMENT["forearm"]] = q_GB[:, SEGMENT["forearm"]]
+    return state, Trajectory(state.calibration.hand, rows.t, pose.freedoms, q_GS, pose.tips, flags)

@@ -1,0 +1,1 @@
+"""Numerics without a domain: quaternions, Kalman updates, small matrices, compiled kernels."""

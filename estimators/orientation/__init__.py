@@ -1,0 +1,1 @@
+"""Orientation of single sensors: fusion, resampling, headings from joint constraints."""

@@ -1,0 +1,100 @@
+"""What the fusion of a stream keeps from sample to sample, and what it gives.
+
+In      sensors each for itself, or all of a stream together while they miss nothing
+Source  ours
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import Block, Stream
+from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.orientation.vqf_bank import Filters
+
+LOST, NEVER_KNOWN = int(Flag.HEADING_LOST), int(Flag.UNCALIBRATED)
+
+
+@dataclass(frozen=True)
+class SensorState:
+    """One sensor's filter; `filter_state` is None until its first complete sample."""
+
+    start: Array | None  # (4,) q_GS to start from, None = from the first accelerometer sample
+    bias: Array  # (3,) rad/s, subtracted before the filter
+    known_until: float = np.inf  # s, `start` holds up to here; a sensor that begins later does not know its heading
+    north: float | None = None  # rad, heading of magnetic north in the pose; None: it is taken from the first magnetometer sample
+    filter_state: Mapping[str, Any] | None = None
+    last: Array | None = None  # (6,) newest complete sample, bias still in it
+    last_t: float = -np.inf
+    previous: Array | None = None  # (6,) the one before, where nothing is missing between them
+    previous_t: float = -np.inf
+    q_GS: Array | None = None  # (4,) newest orientation
+    doubt: float = 0.0  # rad^2, variance of the heading that gaps have cost so far
+    lost: bool = False  # a gap was too long; true until the next calibration or magnetometer sample
+    northed: bool = False  # a magnetometer has given the heading
+    absent: bool = True  # at this moment there is nothing to bridge from
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the filter runs and nothing has been missed that it could not bridge."""
+        return self.filter_state is not None and not self.absent
+
+    @property
+    def headless(self) -> np.uint8:
+        """Flags of a heading that is lost or was never known."""
+        return np.uint8((LOST if self.lost else 0) | (NEVER_KNOWN if self.start is None and not self.northed else 0))
+
+
+@dataclass(frozen=True)
+class Together:
+    """All sensors of a stream whose filters go on without magnetometers: what changes from sample to sample, and what is prepared once."""
+
+    begun: tuple[SensorState, ...]  # as they were when this began
+    bias: Array  # (sensors, 3)
+    headless: NDArray[np.uint8]  # (sensors,)
+    doubt: Array  # (sensors,)
+    filters: Filters
+    last: Array  # (sensors, 6)
+    last_t: float
+    q_GS: Array  # (sensors, 4)
+    previous: Array | None = None  # (sensors, 6); None: they have not gone on yet
+    previous_t: float = -np.inf
+
+    def each(self) -> tuple[SensorState, ...]:
+        """The sensors as they are now."""
+        if self.previous is None:
+            return self.begun
+        newest = zip(self.begun, self.filters.states(), self.last, self.previous, self.q_GS)
+        return tuple(
+            replace(s, filter_state=f, last=last, last_t=self.last_t, previous=before, previous_t=self.previous_t, q_GS=q)
+            for s, f, last, before, q in newest
+        )
+
+
+@dataclass(frozen=True)
+class StreamState:
+    stream: Stream
+    fused: tuple[SensorState, ...] | Together
+    period: float  # s, between samples as they come
+    t: float = -np.inf  # newest sample seen
+    held: Block | None = None  # samples that wait until a gap at their end is over
+    held_sampled: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+
+    @property
+    def sensors(self) -> tuple[SensorState, ...]:
+        return self.fused.each() if isinstance(self.fused, Together) else self.fused
+
+
+@dataclass(frozen=True)
+class Oriented:
+    """Orientations at the stream's samples and at the instants where samples are missing."""
+
+    t: Array  # (n,)
+    q_GS: Array  # (n, sensors, 4)
+    flags: NDArray[np.uint8]  # (n, sensors)
+    doubt: Array  # (n, sensors) rad^2, variance of the heading that gaps have cost so far
+    sampled: NDArray[np.bool_]  # (n,) false at instants where the recording has no sample

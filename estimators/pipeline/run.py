@@ -1,0 +1,77 @@
+"""Run a method over a whole recording: once for every method, the same steps as live.
+
+From one calibration to the next the method starts at the pose and steps through the blocks behind it. What lies before the first pose is gone
+through backwards from the pose's end (so that the filters settle while the hand is still): time runs the other way, so angular rates and gyroscope
+biases change their sign.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from types import ModuleType
+from typing import Any, Protocol
+
+import numpy as np
+
+from handscope.estimators.data import trajectory
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import GYR, Block, Stream, join
+from handscope.estimators.data.trajectory import Trajectory
+
+PIECE = 2048  # samples at a time: what a step makes of them stays in the processor's cache
+
+
+class Samples(Protocol):
+    """The part of a recording that a method needs; `blocks` may be called more than once."""
+
+    @property
+    def streams(self) -> tuple[Stream, ...]: ...
+
+    def blocks(self) -> Iterator[Block]: ...
+
+
+def run(method: ModuleType, params: Any, calibrations: Sequence[Calibration], samples: Samples) -> Iterator[Trajectory]:
+    """Pieces of the trajectory in order of time; every calibration (in order of time) serves until the next one."""
+    first = calibrations[0]
+    before = [b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end]
+    if any(b.t[0] < first.t for b in before if b.stream.inertial):
+        yield trajectory.join(list(_backwards(method, params, first, samples.streams, before)), first.hand).between(-np.inf, first.t)
+    ends = [c.t for c in calibrations[1:]] + [np.inf]
+    for calibration, end in zip(calibrations, ends):
+        yield from _forwards(method, params, calibration, samples.streams, (b.between(calibration.t, end) for b in samples.blocks()))
+
+
+def _forwards(
+    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: Iterable[Block]
+) -> Iterator[Trajectory]:
+    state = method.start(params, calibration, streams)
+    for block in blocks:
+        for part in block.parts(PIECE):
+            state, piece = method.step(params, state, part)
+            yield piece
+    _, piece = method.finish(params, state)
+    yield piece
+
+
+def _backwards(
+    method: ModuleType, params: Any, calibration: Calibration, streams: tuple[Stream, ...], blocks: list[Block]
+) -> Iterator[Trajectory]:
+    biases = {name: -bias for name, bias in calibration.gyr_bias.items()}
+    turned = replace(calibration, gyr_bias=biases, t=-calibration.t, end=-calibration.t)
+    by_stream: dict[tuple[object, ...], list[Block]] = {}
+    for block in blocks:
+        by_stream.setdefault((block.stream.name, block.stream.sensors, block.stream.rate), []).append(block)
+    means = getattr(params, "gyr_reading", "instant") == "mean"
+    pieces = list(_forwards(method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]))
+    for piece in reversed(pieces):
+        yield replace(piece.reversed(), t=-piece.t[::-1])
+
+
+def _reversed(block: Block, means: bool) -> Block:
+    """Time runs the other way; where rates are `means` since the sample before, the turn back to a sample is told by the one behind it."""
+    values = block.values[::-1].copy()
+    if GYR in block.stream.quantities:
+        gyr = block.stream.axes(GYR)
+        if means:
+            values[1:, :, gyr] = values[:-1, :, gyr].copy()
+        values[..., gyr] *= -1
+    return Block(block.stream, -block.t[::-1], values)

@@ -1,0 +1,94 @@
+"""A first guess from nothing but the readings: each sensor's fusion, then joint by joint the heading and the arms that make the accelerations meet.
+
+In      even readings of a chain's sensors; about what the nominal mounting has each flex its segment
+Out     where the solver begins
+Source  orientations: VQF, offline variant, Laidig & Seel 2023; arms: linear least squares as Seel et al. 2012, IEEE MSC, 45, for each of many headings;
+        axes of hinges: the pair of directions that stays together best, by SVD
+Limits  beside a sensor that does not turn one heading is as good as another: there the nominal mounting speaks
+"""
+
+import numpy as np
+from vqf import offlineVQF
+
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration.problem import Chain, Noise, Readings, Unknowns
+from handscope.estimators.self_calibration.residuals import NUMEROV, SECOND_DIFFERENCE
+
+HEADINGS = 72
+EXPECTED = 0.05  # m, how far a joint usually is from a sensor
+MOUNTED = 0.05  # share of what accelerations are apart by which a heading square to the nominal one must be better; one that movement tells is better by far
+
+
+def unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
+    """Where to begin; `flexing` (S, 3) is nominal, in the sensors' frames."""
+    q_GS, bias = fused(readings)
+    far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
+    for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
+        _, heading, far[k], near[k] = met(noise, readings, q_GS, int(i), int(j), flexing)
+        q_GS[:, j] = quat.headed(q_GS[:, j], heading)
+    pairs = [common_axis(q_GS[:, chain.parents[k]], q_GS[:, chain.children[k]]) for k in chain.hinges]
+    axes = np.array(pairs).reshape(-1, 2, 3)
+    none, whole = np.zeros((len(far), 3)), np.zeros((len(bias), 3, 3))
+    return Unknowns(
+        q_GS,
+        far,
+        near,
+        bias,
+        np.zeros_like(bias),
+        whole,
+        whole,
+        axes[:, 0],
+        axes[:, 1],
+        none,
+        none,
+        np.zeros(1),
+        np.zeros((len(far), 2)),
+        np.zeros(len(far)),
+    )
+
+
+def fused(readings: Readings) -> tuple[Array, Array]:
+    """Orientations (n, S, 4), each with a heading of its own, and biases (S, 3) as they are on average."""
+    q_GS, bias = np.empty((*readings.gyr.shape[:2], 4)), np.empty((readings.gyr.shape[1], 3))
+    for s in range(readings.gyr.shape[1]):
+        out = offlineVQF(np.ascontiguousarray(readings.gyr[:, s]), np.ascontiguousarray(readings.acc[:, s]), None, readings.dt)
+        q_GS[:, s], bias[s] = out["quat6D"], out["bias"].mean(axis=0)
+    return q_GS, bias
+
+
+def met(noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array) -> tuple[float, float, Array, Array]:
+    """The turn of j about the vertical, and the arms in the frames of i and j, with which their joint moves alike seen from both; before them, how far it does not (squares added)."""
+    (A_i, f_i), (A_j, f_j) = (_swung(readings, q_GS[:, s], s) for s in (i, j))
+    M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))  # (n-2, 3, 4): by the arm, and without it
+    own = [np.einsum("tia,tib->ab", M, M) for M in (M_i, M_j)]
+    turns = np.diag([0.0, 0, 1]), np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
+    upright, level, across = (np.einsum("tia,ij,tjb->ab", M_i, turn, M_j) for turn in turns)
+    z_i, z_j = (quat.rotate(q_GS[:, s], flexing[s]) for s in (i, j))
+    alike = [float(np.einsum("ta,ab,tb->t", z_i, turn, z_j).mean()) for turn in turns]
+    best = (np.inf, 0.0, np.zeros(6))
+    ridge = (noise.acc / EXPECTED) ** 2 * np.eye(6)
+    for heading in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
+        cross = upright + np.cos(heading) * level + np.sin(heading) * across
+        whole = np.block([[own[0], -cross], [-cross.T, own[1]]])
+        arms, rest = [0, 1, 2, 4, 5, 6], [3, 7]
+        right = whole[np.ix_(arms, rest)].sum(axis=1)
+        found = -np.linalg.solve(whole[np.ix_(arms, arms)] + ridge, right)
+        off = 1 - (alike[0] + np.cos(heading) * alike[1] + np.sin(heading) * alike[2])
+        apart = float(whole[np.ix_(rest, rest)].sum() + right @ found) * (1 + MOUNTED * off)
+        best = min(best, (apart, float(heading), found), key=lambda b: b[0])
+    return best[0], best[1], best[2][:3], best[2][3:]
+
+
+def common_axis(q_Gi: Array, q_Gj: Array) -> tuple[Array, Array]:
+    """The direction in the frame of i and the one in that of j that stay together best over all samples."""
+    U, _, Vt = np.linalg.svd(quat.matrix(quat.relative(q_Gi, q_Gj)).mean(axis=0))
+    return U[:, 0], Vt[0]
+
+
+def _swung(readings: Readings, q: Array, s: int) -> tuple[Array, Array]:
+    """What a joint's acceleration is of the arm (n-2, 3, 3), and without it (n-2, 3)."""
+    R = quat.matrix(q)
+    f = np.einsum("tij,tj->ti", R, readings.acc[:, s])
+    mean = NUMEROV[0] * f[:-2] + NUMEROV[1] * f[1:-1] + NUMEROV[2] * f[2:]
+    return (SECOND_DIFFERENCE[0] * R[:-2] + SECOND_DIFFERENCE[1] * R[1:-1] + SECOND_DIFFERENCE[2] * R[2:]) / readings.dt**2, mean

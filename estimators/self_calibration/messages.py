@@ -1,0 +1,303 @@
+"""What a person is told of a self-calibration: what a recording lacks and what to do, what movement did not tell, what was given and is not so.
+
+In      readings, Solutions, Fingers
+Out     sentences; InputError where nothing can be found
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, JOINT, JOINTS, LIMITS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.self_calibration import mounting_shift, residuals, sensor_order
+from handscope.estimators.self_calibration import result as self_calibration_result
+from handscope.estimators.self_calibration.problem import LIMBS, Problem, Readings
+from handscope.estimators.self_calibration.result import Asked, Finger
+from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, LONGEST_GAP, Hole
+from handscope.estimators.self_calibration.solver import Solution
+
+ROUNDED = 0.05  # s, as durations are said
+LEFT_OUT = 3.0  # s of a recording that are not worth a word
+LACKING = 0.15  # share of rates that may lack before it is said to be why nothing was found
+LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
+NAMED = 3  # sensors with most gaps
+LIVELY = 100.0  # deg/s, of a finger's last sensor: slower ones were refused at 40
+BEYOND = 45.0  # deg out of a joint's range: no loose glove
+ROUND = 90.0  # deg by which a sensor that was put on the other way round is off at least
+MOMENT = 0.15  # s: knocks that lie closer are one
+OFTEN = 0.5  # knocks in a second, beyond which a person should do something about them
+
+
+def require_length(asked: Asked, duration: float) -> None:
+    if duration < asked.shortest - ROUNDED:
+        raise InputError(
+            f"there are {max(duration, 0.0):.1f} s of movement, self-calibration needs {asked.shortest:g} s, better 40 s; move hand and fingers freely for longer"
+        )
+
+
+def require_samples(asked: Asked, duration: float, holes: Sequence[Hole]) -> None:
+    """InputError where too many samples are missing to leave a stretch that is long enough."""
+    if duration < asked.shortest - ROUNDED:
+        by = Counter(hole.sensor for hole in holes)
+        names = ", ".join(name for name, _ in by.most_common(NAMED))
+        raise InputError(
+            f"gaps of more than {LONGEST_GAP:g} s in the samples ({len(holes)}, most of {names}) leave no longer stretch than {duration:.1f} s, self-calibration needs {asked.shortest:g} s;"
+            " find out why samples are lost (plugs, battery, distance to the receiver) and move hand and fingers freely for 40 s again"
+        )
+
+
+def used(start: float, stop: float, whole: float) -> list[str]:
+    """Which part of a longer recording, s, speaks."""
+    said: list[str] = []
+    if stop - start < whole - LEFT_OUT:
+        said.append(
+            f"calibrated from {start:.0f} s to {stop:.0f} s of the recording, the liveliest part without gaps: all else was tracked from there"
+        )
+    return said
+
+
+def silence(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
+    """What of a finger is lost with its silent sensors, the first of which and those behind it are told; InputError where nothing is left.
+
+    `clipped`: the first is silent for it was at its limit all the time.
+    """
+    if not silent:
+        return []
+    if silent[0] in ("hand", LIMBS[finger][0]):
+        if clipped:
+            raise InputError(
+                f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; set a larger range, or move more slowly, and record again; it is not calibrated"
+            )
+        raise InputError(f"{finger}: the sensor of {silent[0]} gave no samples; it is not calibrated")
+    without = ", ".join(silent)
+    if clipped:
+        return [
+            f"{finger}: the sensor of {silent[0]} was at its limit in more than half of its samples; it is calibrated without {without}, set a larger range, or move more slowly, and record again"
+        ]
+    return [f"{finger}: the sensor of {silent[0]} gave no samples; it is calibrated without {without}, find out why and record again"]
+
+
+def require_movement(asked: Asked, finger: str, read: Readings) -> None:
+    hand, turning = (float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean())) for gyr in (read.gyr[:, 0], read.gyr[:, -1]))
+    if turning < asked.moving:
+        if finger == "forearm":
+            raise InputError(
+                f"forearm: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move hand and forearm in all directions while bending the wrist"
+            )
+        raise InputError(
+            f"{finger}: it turned at {turning:.0f} deg/s on average ({asked.moving:g} are needed); move the hand in all directions while bending and stretching the finger"
+        )
+    if hand < asked.hand_moving:
+        raise InputError(
+            f"{finger}: the hand itself turned at {hand:.0f} deg/s on average ({asked.hand_moving:g} are needed), and a hand that rests tells neither lengths nor where sensors sit;"
+            " turn and swing the whole hand in all directions while fingers bend, and record again; it is not calibrated"
+        )
+
+
+def require_one_minimum(asked: Asked, finger: str, read: Readings, found: Solution, begun: float = 0.0) -> None:
+    """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
+
+    `begun` (s): of the readings' first sample.
+    """
+    if found.outcome != "converged":
+        _require_calm(finger, found, begun)
+    slipped = mounting_shift.slips(found, read)
+    if slipped or found.outcome != "converged":
+        _require_rates(finger, read, found)
+        _require_order(finger, read, found.problem)
+    if slipped:
+        first = slipped[0]
+        raise InputError(
+            f"{finger}: the sensor of {first.sensor} seems to sit differently in the second half (its joints by {1e3 * first.shift:.0f} mm, its hinge by"
+            f" {np.degrees(first.tilt):.0f} deg): it slipped, was knocked or turned faster than it can tell; fix it and record again; it is not calibrated"
+        )
+    if found.outcome != "converged":
+        if stiff := ", ".join(self_calibration_result.stiff(asked, found)):
+            raise InputError(
+                f"{finger}: the calibration did not come to an end, for {stiff} hardly moved; bend every joint that can move while the hand turns, for 40 s, or use m2 with an initial pose; it is not calibrated"
+            )
+        turning = float(np.degrees(np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()))
+        raise InputError(
+            f"{finger}: the calibration did not come to an end (it turned at {turning:.0f} deg/s on average; {LIVELY:g} and more do well);"
+            " move hand and fingers through their whole range and in all directions, for 40 s, and record again; it is not calibrated"
+        )
+
+
+def require_possible(finger: Finger) -> None:
+    """InputError where a joint would be bent as none can: the hand's sensor, or the last phalanx', does not sit as it is said to."""
+    for joint in finger.solution.problem.chain.joints:
+        about, q_GB = JOINTS[JOINT[joint]], finger.segments.q_GB
+        angles, limits = joint_angles.decompose(quat.relative(q_GB[about.parent], q_GB[about.child])), LIMITS[JOINT[joint]]
+        beyond = float(np.degrees(np.median(np.maximum(limits[:, 0] - angles, angles - limits[:, 1]).max(axis=1))))
+        if beyond > BEYOND:
+            name = about.child if about.parent not in ("hand", "forearm") else about.parent
+            raise InputError(
+                f"{finger.name}: as the sensor of {name} is said to sit, {joint} would be bent {beyond:.0f} deg farther than it can: it was put on the other way round, another one is there,"
+                " or it is the other hand; put it on as the glove's mounting says, and record again; it is not calibrated"
+            )
+
+
+def _require_calm(finger: str, found: Solution, begun: float) -> None:
+    """InputError where the reason is that sensors were knocked again and again."""
+    dt, by = found.problem.dt, Counter(jolt.sensor for jolt in found.jolts)
+    times = _moments([begun + dt * jolt.sample for jolt in found.jolts])
+    if len(times) > OFTEN * dt * len(found.problem):
+        name = found.problem.chain.sensors[by.most_common(1)[0][0]]
+        raise InputError(
+            f"{finger}: its sensors were knocked {len(times)} times in {dt * len(found.problem):.0f} s, that of {name} most often, first at {times[0]:.1f} s,"
+            " and the calibration did not come to an end; keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again; it is not calibrated"
+        )
+
+
+def _require_rates(finger: str, read: Readings, found: Solution) -> None:
+    """InputError where the reason is that gyroscopes turned faster than they can tell."""
+    lacking = (read.gyr_doubt > LOST * DOUBTFUL).mean(axis=0)
+    worst = int(np.argmax(lacking))
+    if lacking[worst] > LACKING:
+        raise InputError(
+            f"{finger}: the gyroscope of {found.problem.chain.sensors[worst]} was at its limit, or missing, in {100 * lacking[worst]:.0f} % of the samples, more than can be bridged;"
+            " set a larger range, or move more slowly, and record again; it is not calibrated"
+        )
+
+
+def _require_order(finger: str, read: Readings, problem: Problem) -> None:
+    """InputError where the reason is that sensors sit in another order than they are named in."""
+    names = problem.chain.sensors
+    sitting = sensor_order.exchanged(problem.chain, problem.noise, read, problem.flexing)
+    elsewhere = [name for name, there in zip(names, sitting) if name != there]
+    if len(elsewhere) == 2:
+        raise InputError(
+            f"{finger}: the sensors of {elsewhere[0]} and {elsewhere[1]} seem to be exchanged, their joints move together only the other way round; put each where it belongs and record again; it is not calibrated"
+        )
+    if elsewhere:
+        raise InputError(
+            f"{finger}: its sensors seem to sit in another order, from the hand on those of {', '.join(sitting)}, for only so their joints move together; put each where it belongs and record again; it is not calibrated"
+        )
+
+
+def told(asked: Asked, finger: Finger) -> list[str]:
+    """What a person should know of the result."""
+    found, said = finger.solution, []
+    stiff = self_calibration_result.stiff(asked, found)
+    beside_stiff = {segment for joint in stiff for segment in self_calibration_result.beside(found.problem.chain, joint)}
+    if "wrist" in stiff:
+        said.append(
+            f"the wrist hardly moved ({stiff['wrist']:.0f} deg): where it lies between the sensors of hand and forearm is not observable, its angles hold within their standard deviations; bend it more while the hand turns"
+        )
+    elif stiff:
+        joints = ", ".join(f"{joint} ({extent:.0f} deg)" for joint, extent in stiff.items())
+        given = ", ".join(s for s in CHAINS[finger.name] if s in beside_stiff)
+        said.append(
+            f"{joints} hardly moved: where such a joint lies between its sensors, and about what it turns, is not observable; the lengths of {given} stay as given,"
+            " axes as the nominal mounting has them, angles hold within their standard deviations; a joint that can move should be bent more while the hand turns"
+        )
+    said += _doubted(found.problem) + _reversed(finger)
+    for segment in finger.segments.p_BS:
+        if segment not in beside_stiff and not self_calibration_result.placed(asked, finger, segment):
+            sd = float(np.linalg.norm(finger.sure.p_BS[segment]))
+            said.append(
+                f"where the sensor of {segment} sits for {finger.name} is not observable (give or take {1e3 * sd:.0f} mm) and is left out: angles do not need it; turn the hand in all directions while its joints bend"
+            )
+    for segment, length in finger.segments.lengths.items():
+        if segment not in beside_stiff and not self_calibration_result.known(asked, finger, segment):
+            sd = finger.segments.lengths_sd[segment]
+            said.append(
+                f"the length of {segment} is not observable ({1e3 * length:.0f} mm, give or take {1e3 * sd:.0f}): that of the hand's measures is used"
+            )
+    return said
+
+
+def not_assumed(finger: Finger, joint: int, misfit: float) -> list[str]:
+    """Where a finger moves otherwise than by what is assumed and by errors of single samples: `misfit` beyond 1, most at one of its joints."""
+    if misfit <= 1.0:
+        return []
+    links = finger.solution.problem.chain
+    return [
+        f"{finger.name}: its sensors do not move with its joints as is assumed, most at {links.joints[joint]} ({np.sqrt(misfit):.1f} times as far off as by chance):"
+        " skin comes late or a joint gives; lengths, places and biases are less sure than usual, of which their standard deviations have a part only; see that sensors sit tight and lie on bone"
+    ]
+
+
+def _reversed(finger: Finger) -> list[str]:
+    """Sensors that sit the other way round than their nominal mounting, which an axis or a bone alone does not show."""
+    problem, at, said = finger.solution.problem, finger.solution.at, []
+    bones = {s: at.far[a] - at.near[b] for s, b, a in residuals.bones(problem.chain)}
+    for s, name in enumerate(problem.chain.sensors):
+        z = quat.rotate(quat.conjugate(finger.segments.q_BS[name]), np.array([0.0, 0.0, 1.0]))
+        ways = [z @ problem.flexing[s]] + ([bones[s] @ problem.distal[s] / np.linalg.norm(bones[s])] if s in bones else [])
+        tilt = float(np.degrees(np.arccos(np.clip(min(ways), -1.0, 1.0))))
+        if tilt > ROUND:
+            said.append(
+                f"the sensor of {name} sits {tilt:.0f} deg off its nominal mounting: was another one put on there, or turned round?"
+            )
+    return said
+
+
+def knocked(fingers: Sequence[Finger]) -> list[str]:
+    """Which sensors contradict the others for moments, each named once though fingers share the hand's."""
+    by: dict[tuple[str, str], list[float]] = {}
+    for finger in fingers:
+        for jolt in finger.solution.jolts:
+            name = finger.solution.problem.chain.sensors[jolt.sensor]
+            by.setdefault((name, jolt.kind), []).append(float(finger.t[jolt.sample]))
+    said = []
+    for (name, kind), times in by.items():
+        at = _moments(times)
+        if kind == "gyr" and len(at) == 1:
+            said.append(
+                f"the gyroscope of {name} contradicts the accelerations once, at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+            )
+        elif kind == "gyr":
+            said.append(
+                f"the gyroscope of {name} contradicts the accelerations {len(at)} times, first at {at[0]:.1f} s: it was knocked or turned faster than it can tell; what it read there is left out"
+            )
+        elif len(at) == 1:
+            said.append(
+                f"the accelerometer of {name} contradicts the other sensors once, at {at[0]:.1f} s: it was knocked; what it read there is left out"
+            )
+        else:
+            said.append(
+                f"the accelerometer of {name} contradicts the other sensors {len(at)} times, first at {at[0]:.1f} s: it was knocked; what it read there is left out"
+            )
+    return said + _often(by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0))
+
+
+def _often(by: Mapping[tuple[str, str], Sequence[float]], duration: float) -> list[str]:
+    """What to do where sensors were knocked again and again."""
+    times = _moments([t for at in by.values() for t in at])
+    if len(times) <= OFTEN * duration:
+        return []
+    counts = Counter({name: 0 for name, _ in by})
+    for (name, _), at in by.items():
+        counts[name] += len(at)
+    return [
+        f"sensors were knocked {len(times)} times in {duration:.0f} s, that of {counts.most_common(1)[0][0]} most often: keep the hand from hitting anything, see whether that sensor is loose or a cable pulls at it, and record again"
+    ]
+
+
+def _moments(times: Sequence[float]) -> list[float]:
+    """Instants (s) in their order; those that are one knock count once."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > MOMENT:
+            found.append(t)
+    return found
+
+
+def _doubted(problem: Problem) -> list[str]:
+    """What was given and is not so."""
+    said = []
+    for name, seat_sd, length, length_sd in zip(problem.chain.sensors, problem.seat_sd, problem.length, problem.length_sd):
+        if length_sd > 1e-3 * problem.noise.length:
+            said.append(
+                f"the length of {name} is {1e3 * length:.0f} mm by the hand's measures, movement says otherwise by {1e3 * length_sd:.0f} mm: measure again; what movement says is used"
+            )
+        if seat_sd > np.radians(problem.noise.mounting):
+            said.append(
+                f"the sensor of {name} sits {np.degrees(seat_sd):.0f} deg off its nominal mounting: was another one put on there, or turned round?"
+            )
+    return said

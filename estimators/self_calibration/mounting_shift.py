@@ -1,0 +1,111 @@
+"""Whether every sensor stayed where it was: each half of the stretch is asked alone.
+
+In      a Solution of the whole stretch, its Readings
+Out     sensors whose joints lie elsewhere, or whose hinges point elsewhere, in the second half than in the first
+Source  ours: a test for a break (Chow 1960, Econometrica 28) by the places that either half finds, in their standard deviations
+Limits  as much as joints' places may err before it is told: SHIFTED, TILTED; skin that moves with the joint is no slip
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
+from handscope.estimators.self_calibration import solver
+from handscope.estimators.self_calibration.problem import Noise, Problem, Readings, Unknowns, columns, posed
+from handscope.estimators.self_calibration.solver import Limits, Solution
+from handscope.estimators.self_calibration.uncertainty import parameter_covariance
+
+SHIFTED, TILTED = 3e-3, 3.0  # m, deg
+SURE = 3.0  # standard deviations
+STEPS = Limits(iterations=3, least_gain=10.0)  # each half begins close to its minimum
+AFRESH = Limits(iterations=20, least_gain=0.5)  # where the whole has none, from nothing
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A sensor that sat differently in the second half."""
+
+    sensor: str
+    shift: float  # m, of a joint as the sensor sees it
+    tilt: float  # rad, of a hinge
+
+
+def slips(found: Solution, read: Readings) -> list[Slip]:
+    """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
+    n, whole = len(found.problem), found.outcome == "converged"
+    spans = ((0, n // 2), (n // 2, n))
+    halves = [_half(found, *span) if whole else _afresh(found.problem, read, *span) for span in spans]
+    if not whole and any(half.outcome != "converged" for half in halves):
+        return []
+    told = []
+    for s, name in enumerate(found.problem.chain.sensors):
+        shifts, tilts = _shifts(found.problem, halves, s), _tilts(found.problem, halves, s)
+        sure = [size / sd for size, sd in shifts if size > SHIFTED] + [size / sd for size, sd in tilts if size > np.radians(TILTED)]
+        if max(sure, default=0.0) > SURE:
+            told.append((max(sure), Slip(name, max(size for size, _ in shifts), max((size for size, _ in tilts), default=0.0))))
+    return [slip for _, slip in sorted(told, key=lambda t: -t[0])]
+
+
+def _half(found: Solution, first: int, stop: int) -> Solution:
+    q_GS = found.at.q_GS[first:stop]
+    # headings are free: nothing is to be turned back to where the whole began
+    part = replace(_part(found.problem, first, stop), start=q_GS[0])
+    return _asked(part, replace(found.at, q_GS=q_GS), STEPS)
+
+
+def _afresh(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
+    """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
+    own = Readings(read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt)))
+    guess = self_calibration_initialisation.unknowns(whole.chain, Noise(), own, whole.flexing)
+    part = posed(whole.chain, Noise(), own, guess.q_GS[0], "left", {})  # what depends on hand and mounting is known already
+    return _asked(replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length), guess, AFRESH)
+
+
+def _asked(part: Problem, start: Unknowns, limits: Limits) -> Solution:
+    half = solver.solve(part, start, limits)
+    made_up = parameter_covariance.apparent(half.problem, half.at, half.factor)
+    return replace(half, factor=parameter_covariance.honest(half.problem, half.at, half.factor, made_up))
+
+
+def _shifts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
+    """How far each joint of a sensor lies elsewhere, and how sure that is, m."""
+    chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
+    found = []
+    for joints, where, off in ((chain.children, c.near, later.near - at.near), (chain.parents, c.far, later.far - at.far)):
+        sd = _sd(halves, where).reshape(-1, 3)
+        found += [(float(np.linalg.norm(off[k])), float(np.linalg.norm(sd[k]))) for k in np.flatnonzero(joints == s)]
+    return found
+
+
+def _tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
+    """How far each hinge of a sensor points elsewhere, either way round, and how sure that is, rad."""
+    chain, c, (at, later) = problem.chain, columns(problem.chain), (h.at for h in halves)
+    found = []
+    for joints, where, first, second in (
+        (chain.children, c.axis_near, at.axis_near, later.axis_near),
+        (chain.parents, c.axis_far, at.axis_far, later.axis_far),
+    ):
+        sd = _sd(halves, where).reshape(-1, 2)
+        for h in np.flatnonzero(joints[chain.hinges] == s):
+            found.append((float(np.arccos(min(abs(first[h] @ second[h]), 1.0))), float(np.linalg.norm(sd[h]))))
+    return found
+
+
+def _sd(halves: Sequence[Solution], where: slice) -> Array:
+    return np.asarray(np.sqrt(np.sum([np.diag(h.factor.covariance)[where] for h in halves], axis=0)))
+
+
+def _part(problem: Problem, start: int, stop: int) -> Problem:
+    return replace(
+        problem,
+        turns=problem.turns[start : stop - 1],
+        later=problem.later[start : stop - 1],
+        acc=problem.acc[start:stop],
+        turn_sd=problem.turn_sd[start : stop - 1],
+        acc_sd=problem.acc_sd[start:stop],
+        bent=problem.bent[start:stop],
+        by_tilt=problem.by_tilt[start:stop],
+    )

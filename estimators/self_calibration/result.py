@@ -1,0 +1,82 @@
+"""What one finger, or the forearm, was found to be, and what of it movement told well enough to be used.
+
+In      a Solution of one finger, its Segments and how sure they are
+Out     Finger; how far joints bent, which lengths are known
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.data.options import option
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration.problem import Chain
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.self_calibration.uncertainty.monte_carlo import Certainty
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What is asked of a recording and of what is found in it."""
+
+    shortest: float = option(
+        10.0, "s", "shortest stretch of free movement that may calibrate", "ours: below, lengths are not known within 2 %", least=3.0
+    )
+    moving: float = option(20.0, "deg/s", "least average turning of a finger's last sensor that counts as free movement", "ours")
+    hand_moving: float = option(
+        8.0,
+        "deg/s",
+        "least average turning of the hand's sensor that counts as free movement",
+        "ours: skin under it turns it by 6 while the hand rests",
+    )
+    bent: float = option(15.0, "deg", "a joint that was bent by less tells neither its axis nor lengths", "ours")
+    length_known: float = option(
+        0.05, "1", "largest standard deviation of a phalanx's length, share of it, with which it is used", "ours: what ratios are good for"
+    )
+    place_known: float = option(
+        10.0, "mm", "largest standard deviation of a sensor's place on its segment with which it is told", "ours: half a phalanx"
+    )
+
+
+@dataclass(frozen=True)
+class Finger:
+    """What one finger, or the forearm, was found to be."""
+
+    name: str  # of problem.LIMBS
+    t: Array  # (n,) s
+    solution: Solution
+    segments: Segments
+    sure: Certainty
+
+
+def extents(found: Solution) -> dict[str, float]:
+    """How far each joint was bent, deg."""
+    least, most = np.percentile(found.problem.bent, [1, 99], axis=0)
+    return dict(zip(found.problem.chain.joints, np.degrees(most - least).tolist()))
+
+
+def stiff(asked: Asked, found: Solution) -> dict[str, float]:
+    """Joints that hardly moved, deg."""
+    return {joint: extent for joint, extent in extents(found).items() if extent < asked.bent}
+
+
+def beside(chain: Chain, joint: str) -> tuple[str, str]:
+    """The segments before and behind a joint."""
+    k = chain.joints.index(joint)
+    return chain.sensors[chain.parents[k]], chain.sensors[chain.children[k]]
+
+
+def known(asked: Asked, finger: Finger, segment: str) -> bool:
+    """Whether movement told a segment's length: both joints bent, and it is sure."""
+    length, sd = finger.segments.lengths[segment], finger.segments.lengths_sd[segment]
+    return sd < asked.length_known * length and not _beside_stiff(asked, finger, segment)
+
+
+def placed(asked: Asked, finger: Finger, segment: str) -> bool:
+    """Whether movement told where the sensor sits on its segment: both joints bent, and it is sure."""
+    return float(np.linalg.norm(finger.sure.p_BS[segment])) < 1e-3 * asked.place_known and not _beside_stiff(asked, finger, segment)
+
+
+def _beside_stiff(asked: Asked, finger: Finger, segment: str) -> bool:
+    return any(segment in beside(finger.solution.problem.chain, joint) for joint in stiff(asked, finger.solution))

@@ -1,0 +1,168 @@
+"""From a recording's streams to even readings of the sensors of one finger and the hand.
+
+In      whole inertial streams, a stretch of time
+Out     Readings at about 100 Hz; what is missing or at its limit is bridged and said to be doubtful
+Source  streams with clocks of their own are brought to the hand's samples by cubics through four samples (Lagrange); means of faster samples by what
+        they lack where a signal bends, Taylor to T^2
+Limits  sensors' noise is taken for white, of the same density at every rate: a mean over faster samples is as noisy as one sample at its own rate, and turns add up the same random walk in a second however many there are
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, beyond, every
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.orientation.resampling import even_times
+from handscope.estimators.self_calibration.problem import Chain, Readings, chain
+from handscope.estimators.sensors import saturation
+
+RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
+DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
+LONGEST_GAP = 0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
+MARGIN = 0.5  # s beside a stretch from which samples are taken
+LINED = 100  # samples that tell an even clock
+LIVELY = 1.0  # s over which movement is summed up
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Missing samples of one sensor, s."""
+
+    sensor: str
+    start: float
+    stop: float
+
+
+def readings(blocks: Sequence[Block], sensors: Sequence[str], start: float, stop: float) -> tuple[Array, Readings]:
+    """Times (n,) and readings of these sensors between two instants, s; doubt counts from the noise of a sample at RATE."""
+    worn = [evened(b.between(start - MARGIN, stop + MARGIN)) for b in blocks if b.stream.inertial]
+    where = {name: (b, k) for b in worn for k, name in enumerate(b.stream.sensors)}
+    reference = where[sensors[0]][0].between(start, stop).t
+    period = float(np.median(np.diff(reference)))
+    grid = reference[0] + period * np.arange(round((reference[-1] - reference[0]) / period) + 1)
+    values, doubts = zip(*(_even(where[s][0], where[s][1], grid) for s in sensors))
+    each = max(1, round(1 / period / RATE))
+    n = len(grid) // each * each
+    t, v, d = (x[:n].reshape(n // each, each, *x.shape[1:]).mean(axis=1) for x in (grid, np.stack(values, 1), np.stack(doubts, 1)))
+    noisier = 1 / np.sqrt(each * period * RATE)
+    v = at_middles(v, each)
+    return t, Readings(each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1])
+
+
+def evened(block: Block) -> Block:
+    """The same samples at even times where the stamps scatter (a host's, a radio's) and the rates say that the samples do not: between their neighbours they lie better there."""
+    if len(block.t) < LINED:
+        return block
+    even = even_times(block)
+    rates = block.of(GYR).reshape(len(block.t), -1)
+    off = [float(np.nansum(_beside_neighbours(t, rates) ** 2)) for t in (block.t, even)]
+    return replace(block, t=even) if (np.diff(even) > 0).all() and off[1] < off[0] else block
+
+
+def _beside_neighbours(t: Array, values: Array) -> Array:
+    """How far values (n, m) lie from the line between those before and behind (n-2, m)."""
+    share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
+    return np.asarray(values[1:-1] - (1 - share) * values[:-2] - share * values[2:])
+
+
+def at_middles(means: Array, each: int) -> Array:
+    """Means of so many samples (n, ...) as what was read in the middle of each: a mean of m over T is off by T^2 / 24 (1 - 1 / m^2) second derivatives."""
+    v = means.copy()
+    v[1:-1] -= (1 - 1 / each**2) / 24 * np.diff(means, 2, axis=0)
+    return v
+
+
+def speaking(blocks: Sequence[Block], links: Chain, start: float, stop: float) -> tuple[Chain, tuple[str, ...]]:
+    """The chain up to its first sensor that gives less than half of its samples; that and those behind it."""
+    where = {name: (b.between(start, stop), k) for b in blocks if b.stream.inertial for k, name in enumerate(b.stream.sensors)}
+    for k, name in enumerate(links.sensors):
+        block, row = where[name]
+        if any(_sound(block, row, quantity).sum() < 0.5 * len(block.t) for quantity in (GYR, ACC)):
+            return chain(links.sensors[:k] or links.sensors[:1]), links.sensors[k:]
+    return links, ()
+
+
+def clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) -> bool:
+    """Whether a sensor gives samples, but more than half of them stand at a limit."""
+    block, k = next(
+        (b.between(start, stop), b.stream.sensors.index(sensor)) for b in blocks if b.stream.inertial and sensor in b.stream.sensors
+    )
+    whole = [every(np.isfinite(block.of(quantity)[:, k])).mean() > 0.5 for quantity in (GYR, ACC)] if len(block.t) else [False]
+    return all(whole) and any(_sound(block, k, quantity).mean() < 0.5 for quantity in (GYR, ACC))
+
+
+def _sound(block: Block, k: int, quantity: str) -> NDArray[np.bool_]:
+    """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
+    values = block.of(quantity)[:, k : k + 1]
+    clipped = beyond(values, SATURATION * saturation.limits(block, quantity)[k : k + 1])[:, 0]
+    return np.asarray(every(np.isfinite(values[:, 0])) & ~clipped)
+
+
+def gapless(blocks: Sequence[Block], start: float, stop: float) -> tuple[float, float]:
+    """The longest part of a stretch without holes."""
+    edge, best = start, (start, start)
+    for begun, over in (*sorted((hole.start, hole.stop) for hole in holes(blocks, start, stop)), (stop, stop)):
+        if begun - edge > best[1] - best[0]:
+            best = (edge, begun)
+        edge = max(edge, over)
+    return best
+
+
+def holes(blocks: Sequence[Block], start: float, stop: float) -> list[Hole]:
+    """Where sensors miss samples for longer than LONGEST_GAP; sensors that give less than half do not count."""
+    found: list[Hole] = []
+    for block in (b.between(start, stop) for b in blocks if b.stream.inertial):
+        for k, name in enumerate(block.stream.sensors):
+            t = block.t[every(np.isfinite(block.of(GYR)[:, k])) & every(np.isfinite(block.of(ACC)[:, k]))]
+            if len(t) > 0.5 * (stop - start) * block.stream.rate:
+                t = np.concatenate([[start], t, [stop]])  # a sensor may begin late or end early
+                found += [Hole(name, float(t[i]), float(t[i + 1])) for i in np.flatnonzero(np.diff(t) > LONGEST_GAP)]
+    return found
+
+
+def liveliest(blocks: Sequence[Block], start: float, stop: float, longest: float) -> tuple[float, float]:
+    """The stretch of at most `longest` s with most turning."""
+    if stop - start <= longest:
+        return start, stop
+    edges = np.arange(start, stop, LIVELY)
+    moved = np.zeros(len(edges))
+    for block in (b for b in blocks if b.stream.inertial):
+        size = np.nan_to_num(np.linalg.norm(block.of(GYR), axis=2)).mean(axis=1)
+        place = np.floor((block.t - start) / LIVELY).astype(int)
+        inside = (place >= 0) & (place < len(edges))
+        moved += np.bincount(place[inside], size[inside], minlength=len(edges)) / block.stream.rate
+    sums = np.convolve(moved, np.ones(int(longest / LIVELY)), "valid")
+    first = float(edges[int(np.argmax(sums))])
+    return first, first + longest
+
+
+def _even(block: Block, k: int, grid: Array) -> tuple[Array, Array]:
+    """Readings (n, 6) of one sensor on the grid, and factors of doubt of gyroscope and accelerometer (n, 2)."""
+    values, doubts = np.empty((len(grid), 6)), np.ones((len(grid), 2))
+    for q, quantity in enumerate((GYR, ACC)):
+        sampled, sound = block.of(quantity)[:, k], _sound(block, k, quantity)
+        t, known = block.t[sound], sampled[sound]
+        values[:, 3 * q : 3 * q + 3] = _between(t, known, grid, block.stream.rate)
+        behind = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+        beside = np.maximum(np.abs(t[behind] - grid), np.abs(grid - t[behind - 1]))
+        doubts[beside > 1.5 / block.stream.rate, q] = DOUBTFUL
+    return values, doubts
+
+
+def _between(t: Array, known: Array, grid: Array, rate: float) -> Array:
+    """Samples (m, 3) of instants t as of those of the grid: cubics through the four samples around each, straight lines where one of them is missing."""
+    found = np.stack([np.interp(grid, t, axis) for axis in known.T], axis=1)
+    behind = np.searchsorted(t, grid)
+    inside = np.flatnonzero((behind >= 2) & (behind < len(t) - 1))
+    four = behind[inside, None] + np.arange(-2, 2)
+    whole = t[four[:, 3]] - t[four[:, 0]] < 3.5 / rate
+    inside, four = inside[whole], four[whole]
+    off, weights = grid[inside, None] - t[four], np.ones(four.shape)
+    for k in range(4):
+        for other in (j for j in range(4) if j != k):
+            weights[:, k] *= off[:, other] / (t[four[:, k]] - t[four[:, other]])
+    found[inside] = np.einsum("tk,tkx->tx", weights, known[four])
+    return found

@@ -1,0 +1,1 @@
+"""Self-calibration while the hand moves: a window that slides and a marginal prior behind it."""

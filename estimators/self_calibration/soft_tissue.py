@@ -1,0 +1,65 @@
+"""Skin that turns and slides a sensor on its segment as far as joints are bent, and what the sensor then sees of its segment.
+
+In      how far joints are bent; by how much skin turns and slides the sensor with each of them
+Out     Skin, by sample; places and directions of the segment as the sensor sees them, and their derivatives
+Source  ours: skin follows the bending in proportion, and its square as a law says; no angle is taken for small. A sensor that turned by c and slid by s sees a place r at exp(-c) (r - s)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+QUARTER = np.pi / 2
+
+
+@dataclass(frozen=True)
+class Skin:
+    bent: Array  # (..., F) rad, by how far it follows the joints that pull it
+    turn: Array  # (..., 3) rad, in the sensor's frame
+    slide: Array  # (..., 3) m, in the frame that the sensor has where joints are straight
+    back: Array  # (..., 3, 3) from that frame to the sensor's
+
+
+def followed(bent: Array, law: Array) -> Array:
+    """How far skin follows joints that are bent by (..., J) rad; by a `law` (J,) more than in proportion where they are bent by 90 deg, share of it."""
+    return np.asarray(bent * (1 + law * bent / QUARTER))
+
+
+def by_law(bent: Array, law: Array) -> tuple[Array, Array]:
+    """The derivatives (..., J) of `followed` by the bending and by the law."""
+    return 1 + 2 * law * bent / QUARTER, bent**2 / QUARTER
+
+
+def pulled(bent: Array, turn: Array, slide: Array) -> Skin:
+    """By joints bent by (..., F) rad, of which each turns the sensor by `turn` (F, 3) rad/rad and slides it by `slide` (F, 3) m/rad."""
+    turned = bent @ turn
+    return Skin(bent, turned, bent @ slide, quat.matrix(quat.exp(-turned)))
+
+
+def seen(skin: Skin, place: Array) -> Array:
+    """Where the sensor sees a place (3,) of its segment, (..., 3) m."""
+    return np.asarray(np.einsum("...ij,...j->...i", skin.back, place - skin.slide))
+
+
+def by_turn(skin: Skin, place: Array) -> Array:
+    """The derivative (..., 3, 3) of `seen` by the turn of a joint that is bent by 1."""
+    return np.asarray(skin.back @ quat.skew(place - skin.slide) @ right_jacobian(-skin.turn))
+
+
+def by_bending(skin: Skin, turn: Array, slide: Array, place: Array) -> Array:
+    """The derivative (..., 3) of `seen` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
+    return -np.asarray(np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide))
+
+
+def right_jacobian(v: Array) -> Array:
+    """exp(v + dv) = exp(v) exp(right_jacobian(v) dv), rotation vectors (..., 3) -> (..., 3, 3). Source: Sola et al. 2018, (143)."""
+    size = np.linalg.norm(v, axis=-1)[..., None, None]
+    small = size < 1e-4
+    safe = np.where(small, 1.0, size)
+    K = quat.skew(v)
+    one = np.where(small, 0.5 - size**2 / 24, (1 - np.cos(safe)) / safe**2)
+    two = np.where(small, 1 / 6 - size**2 / 120, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) - one * K + two * K @ K)

@@ -1,0 +1,1 @@
+"""How sure the estimated parameters are: covariances and draws."""

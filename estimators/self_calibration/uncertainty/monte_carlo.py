@@ -1,0 +1,119 @@
+"""How sure the seats, the places and the movement of one finger, or of the forearm, are: everything drawn again as the readings, and the nominal mounting, leave it open.
+
+In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
+Out     Certainty: standard deviations of seats, places, angles and tip
+Source  draws from the Gauss-Newton covariance (posterior.py); what no movement tells of a seat is as uncertain as nominal mountings are, and
+        so is at what angle of a joint skin is not pulled
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.hand import forward_kinematics, joint_angles
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import residuals, segments
+from handscope.estimators.self_calibration.problem import Chain, Unknowns
+from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.solver import Solution
+from handscope.estimators.self_calibration.uncertainty import posterior
+
+DRAWS = 24  # a standard deviation of so many is known within 15 %
+EVERY = 10  # samples from one standard deviation of an angle to the next: they change slowly
+SEATED = 1 << 15  # where the numbers for the mountings' draws begin
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """Standard deviations."""
+
+    q_BS: Mapping[str, Array]  # (3,) rad about the segment's axes
+    p_BS: Mapping[str, Array]  # (3,) m
+    rows: Array  # (m,) samples of the stretch to which the next belong
+    angles: Array  # (m, joints, 3) rad; NaN where it is no joint of this finger
+    tip: Array  # (m, 3) m; NaN of the forearm
+
+
+def of_finger(
+    found: Solution,
+    draws: Iterable[Unknowns],
+    hand: Hand,
+    mounting: Mapping[str, Array],
+    mounting_sd: float,
+    sized: Callable[[Segments, float], HandGeometry],
+) -> Certainty:
+    """`mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number for what no movement tells of lengths."""
+    rows = np.unique(np.append(np.arange(0, len(found.problem), EVERY), len(found.problem) - 1))
+    best = _thinned(found, rows)
+    told = segments.of_solution(best, hand, mounting)
+    others = list(_drawn(best, draws, rows, hand, mounting, mounting_sd))
+    angles, tip = _moved(told, sized(told, 0.0))
+    moved = [_moved(other, sized(other, luck)) for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))]
+    return Certainty(
+        {s: _spread([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others]) for s, q in told.q_BS.items()},
+        {s: _spread([o.p_BS[s] - p for o in others]) for s, p in told.p_BS.items()},
+        rows,
+        _spread([a - angles for a, _ in moved]),
+        _spread([t - tip for _, t in moved]),
+    )
+
+
+def _drawn(
+    best: Solution, draws: Iterable[Unknowns], rows: Array, hand: Hand, mounting: Mapping[str, Array], mounting_sd: float
+) -> Sequence[Segments]:
+    others = []
+    for k, at in enumerate(draws):
+        turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
+        seated = {s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float)) for s, turn in zip(SEGMENTS, turns)}
+        drawn = straightened(replace(at, q_GS=at.q_GS[rows]), best.problem.chain, _bent(best.problem.chain, turns))
+        others.append(segments.of_solution(replace(best, at=drawn), hand, seated))
+    return others
+
+
+def _bent(chain: Chain, turns: Array) -> Array:
+    """How far joints are bent less than they are believed to be (J,) rad, where mountings (segments, 3) are off by so much: a segment without two joints points as its has it."""
+    shown = {s for s, _, _ in residuals.bones(chain)}
+    z = [0.0 if s in shown else turns[SEGMENT[name], 2] for s, name in enumerate(chain.sensors)]
+    return np.array([z[child] - z[parent] for parent, child in zip(chain.parents, chain.children)])
+
+
+def straightened(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
+    """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
+    near, far, axis_near, axis_far, slide = at.near.copy(), at.far.copy(), at.axis_near.copy(), at.axis_far.copy(), at.skin_slide.copy()
+    for k, s in enumerate(chain.children):
+        back, behind, hinges = quat.exp(-off[k] * at.skin_turn[k]), chain.parents == s, chain.hinges
+        for arms, which in ((near, k), (far, behind)):
+            arms[which] = quat.rotate(back, arms[which] - off[k] * at.skin_slide[k])
+        for axes, own in ((axis_near, hinges == k), (axis_far, behind[hinges])):
+            axes[own] = quat.rotate(back, axes[own])
+        slide[k] = quat.rotate(back, slide[k])
+    return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far, skin_slide=slide)
+
+
+def _thinned(found: Solution, rows: Array) -> Solution:
+    return replace(
+        found,
+        at=replace(found.at, q_GS=found.at.q_GS[rows]),
+        problem=replace(found.problem, bent=found.problem.bent[rows], by_tilt=found.problem.by_tilt[rows]),
+    )
+
+
+def _moved(told: Segments, geometry: HandGeometry) -> tuple[Array, Array]:
+    """Angles (m, joints, 3) and the finger's tip (m, 3), free of limits; the forearm has none, NaN."""
+    m = len(told.q_GB["hand"])
+    q_GS = np.full((m, len(SEGMENTS), 4), np.nan)
+    for name, q in told.q_GB.items():
+        q_GS[:, SEGMENT[name]] = q
+    angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
+    fingers = [k for k, f in enumerate(FINGERS) if CHAINS[f][0] in told.q_GB]
+    if not fingers:
+        return angles, np.full((m, 3), np.nan)
+    return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, fingers[0]]
+
+
+def _spread(off: Sequence[Array]) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(off), axis=0)))

@@ -1,0 +1,91 @@
+"""The covariance of the parameters with what the normal equations do not know: noise looks like information, and biases walk.
+
+In      a Problem, the place of its minimum, the factor of its normal equations
+Out     the same factor with a covariance (P, P) that has both in it
+Source  errors in variables: an arm multiplies an angular acceleration that is noisy itself; Fuller 1987, Measurement error models, 1.2, 2.2. A walk's mean
+        against its beginning: its variance grows by q^2 T / 3, integral of a Wiener process
+Limits  gyroscopes' noise is as said within NOISE_KNOWN; the walk is that of the option, it is not learnt
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import SECOND_DIFFERENCE, Terms
+from handscope.estimators.self_calibration.uncertainty import posterior, sandwich_covariance
+
+CHUNK = 1024  # samples whose derivatives are in memory at once
+DRAWS = 2  # of the trajectory: it has thousands of samples
+NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may be another one than was said: their noise is known within an eighth
+DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much larger, and it is random itself
+
+
+def honest(problem: Problem, at: Unknowns, factor: Factor, made_up: Array) -> Factor:
+    """The factor with a covariance as sure as movement makes it; `made_up` (P, P) of `apparent`."""
+    slopes = residuals.priors(problem, at)[1]
+    told = without_noise(factor.covariance, made_up, slopes.T @ slopes, arms(problem, at)) + np.diag(walked(problem))
+    return replace(
+        factor, covariance=sandwich_covariance.widened(told, sandwich_covariance.of_limb(problem, at, factor), factor.covariance)
+    )
+
+
+def apparent(problem: Problem, at: Unknowns, factor: Factor, draws: int = DRAWS, known: Sequence[Terms] | None = None) -> Array:
+    """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned; `known` is `meeting`, of all samples."""
+    n, e, P = factor.Y.shape
+    count = columns(problem.chain).near.stop
+    told = np.zeros((P, P))
+    for k in range(draws):
+        turns = normal_equations.shaken(factor, posterior.normal_numbers(n * e, k).reshape(n, e)).reshape(n, -1, 3)
+        normal = normal_equations.empty(n, e, count)
+        for terms in known or (residuals.meeting(problem, at, start, start + CHUNK) for start in range(0, n, CHUNK)):
+            normal_equations.add(normal, _shaken(problem, at, turns, terms))
+        flat = normal_equations.whitened(factor, normal.B).reshape(-1, count)
+        told[:count, :count] += (normal.C - flat.T @ flat) / draws
+    return told
+
+
+def _shaken(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms:
+    """`meeting` with derivatives by the arms as far as the orientations' noise makes them."""
+    chain = problem.chain
+    first, stop, J = terms.first + 1, terms.first + 1 + len(terms.r), len(chain.joints)
+    three = np.arange(first, stop)[:, None] + np.arange(-1, 2)
+    R = quat.matrix(at.q_GS[first - 1 : stop + 1]) @ quat.skew(turns[first - 1 : stop + 1])
+    swung = np.einsum("k,tksij->tsij", SECOND_DIFFERENCE / problem.dt**2, R[three - (first - 1)])
+    by = np.zeros((len(terms.r), J, 3, 6 * J))
+    for k in range(J):
+        by[:, k, :, 3 * k : 3 * k + 3] = -swung[:, chain.parents[k]]
+        by[:, k, :, 3 * J + 3 * k : 3 * J + 3 * k + 3] = swung[:, chain.children[k]]
+    white = residuals.whitening(problem, first, stop) @ by.reshape(len(by), J, -1)
+    return replace(terms, by_parameters=white.reshape(len(by), 3 * J, -1) / residuals.common_scale(at), cols=np.arange(6 * J))
+
+
+def arms(problem: Problem, at: Unknowns) -> Array:
+    """Each arm alone (2 J, P) m: what the other parameters are counts as 0."""
+    found = np.zeros((2 * len(at.far), columns(problem.chain).count))
+    for k, arm in enumerate((*at.far, *at.near)):
+        found[k, 3 * k : 3 * k + 3] = arm
+    return found
+
+
+def without_noise(covariance: Array, made_up: Array, before: Array, arms: Array) -> Array:
+    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arms` (m, P); never less sure than `before` (P, P)."""
+    root = np.linalg.cholesky(before)
+    off = np.linalg.solve(root, np.linalg.solve(root, normal_equations.inverse(covariance) - before - DOUBTED * made_up).T)
+    told, directions = np.linalg.eigh(0.5 * (off + off.T))
+    spread = np.linalg.solve(root.T, directions / np.sqrt(1 + np.maximum(told, 0.0)))
+    pulled = NOISE_KNOWN * arms @ made_up @ covariance
+    pulled /= np.maximum(1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True))  # what was known before holds against noise, too
+    return np.asarray(spread @ spread.T + pulled.T @ pulled)
+
+
+def walked(problem: Problem) -> Array:
+    """Variances (P,) of gyroscopes' biases at the beginning, for what was found is their mean, and they walk."""
+    found = np.zeros(columns(problem.chain).count)
+    found[columns(problem.chain).bias_gyr] = np.radians(problem.noise.gyr_bias_walk) ** 2 * problem.dt * len(problem) / 3
+    return found

@@ -1,0 +1,142 @@
+"""How sure the solution is, and how large the errors were that it met.
+
+In      a Problem and the place of its minimum
+Out     covariance of the parameters, draws of everything (what is made of them has their spread), sizes of the errors
+Source  Gauss-Newton covariance; draws by a triangular solve (blocks of the band's inverse lose all digits here: its second differences are nearly
+        singular); sizes of errors: iterated almost unbiased estimates of variance components, Forstner 1979, traces by draws, Hutchinson 1990
+Limits  as sure as the sizes of errors say; what no relation models (a sensor that slipped) is found by its residuals only
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtri
+
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Noise, Problem, Unknowns, columns, moved
+from handscope.estimators.self_calibration.residuals import NUMEROV
+
+CHUNK = 1024  # samples whose derivatives are in memory at once
+LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
+LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
+SETTLING = 50  # times that a spread is estimated anew
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """RMS of residuals in their standard deviations, less what the unknowns took up: 1 where errors are as large as believed."""
+
+    meeting: float
+    hinging: float
+
+
+def draws(problem: Problem, at: Unknowns, factor: Factor, count: int) -> Iterator[Unknowns]:
+    """Places as probable as the readings leave them."""
+    for k in range(count):
+        step = _drawn(factor, k)
+        yield moved(at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters)
+
+
+def sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
+    """Of accelerations at joints and of hinges, at the minimum."""
+    step, found = _drawn(factor, 0), []
+    for kind, always_zero in (
+        (residuals.meeting, 0),
+        (residuals.hinging, len(problem.chain.hinges)),
+    ):  # unit vectors differ in two directions
+        squares, redundancy = 0.0, 0.0
+        for start in range(0, len(problem), CHUNK):
+            terms = kind(problem, at, start, start + CHUNK)
+            squares += float((terms.r**2).sum())
+            redundancy += terms.r.size - always_zero * len(terms.r) - float((changed(terms, step) ** 2).sum())
+        found.append(float(np.sqrt(squares / redundancy)) if redundancy > 1 else 1.0)
+    return Sizes(*found)
+
+
+def _drawn(factor: Factor, which: int) -> normal_equations.Step:
+    n, e, P = factor.Y.shape
+    numbers = normal_numbers(n * e + P, which)
+    return normal_equations.drawn(factor, numbers[: n * e].reshape(n, e), numbers[n * e :])
+
+
+def normal_numbers(count: int, which: int) -> Array:
+    """Numbers (count,) as if drawn from the standard normal distribution, always the same: splitmix64 of their places, Steele et al. 2014."""
+    with np.errstate(over="ignore"):
+        z = (np.arange(1, count + 1, dtype=np.uint64) + np.uint64(which << 40)) * np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z ^= z >> np.uint64(31)
+    return np.asarray(ndtri(((z >> np.uint64(11)).astype(float) + 0.5) / 2.0**53))
+
+
+def changed(terms: residuals.Terms, step: normal_equations.Step) -> Array:
+    """By how much a step changes residuals (T, m), to first order."""
+    T = len(terms.r)
+    change = terms.by_parameters @ step.parameters[terms.cols]
+    e = step.turns.shape[1]
+    for k in range(terms.knots):
+        x = step.turns[terms.first + k : terms.first + k + T]
+        change += np.einsum("tmi,ti->tm", terms.by_turns[:, :, k * e : (k + 1) * e], x)
+    return np.asarray(change)
+
+
+def learnt(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
+    """The sizes of errors as they were met: of accelerations, hinges, skin, scales."""
+    noise, c, met = problem.noise, columns(problem.chain), sizes(problem, at, factor)
+    variance = np.diag(factor.covariance)
+    quarter = np.pi / 2
+    turn = _spread(at.skin_turn, variance[c.skin_turn], np.radians(noise.skin_turn) / quarter)
+    slide = _spread(at.skin_slide, variance[c.skin_slide], 1e-3 * noise.skin_slide / quarter)
+    scales = np.concatenate([at.scale_gyr.ravel(), at.scale_acc.ravel()])
+    return replace(
+        noise,
+        acc=max(
+            noise.acc * met.meeting / float(np.linalg.norm(NUMEROV)), LEAST_ACC
+        ),  # a mean of three samples hides noise of high frequency only
+        hinge=max(noise.hinge * met.hinging, LEAST_HINGE),
+        skin_turn=max(float(np.degrees(turn * quarter)), LEAST_TURN),
+        skin_slide=max(1e3 * slide * quarter, LEAST_SLIDE),
+        skin_law=most_likely_spread(at.law, factor.covariance[c.law, c.law], noise.skin_law, LEAST_LAW),
+        scale=max(_spread(scales, np.concatenate([variance[c.scale_gyr], variance[c.scale_acc]]), noise.scale), LEAST_SCALE),
+    )
+
+
+def _spread(found: Array, variance: Array, believed: float) -> float:
+    """The standard deviation of unknowns that were believed to spread by `believed` about 0. Source: MacKay 1992, Bayesian interpolation, (4.9)."""
+    told = found.size - float(variance.sum()) / believed**2  # of how many the readings speak
+    return float(np.sqrt((found**2).sum() / told)) if told > 1 else believed
+
+
+def most_likely_spread(found: Array, covariance: Array, believed: float, least: float) -> float:
+    """The same of a few unknowns (m,), gone on with to its end: what the readings alone say of them is their covariance (m, m) less what was believed."""
+    told = np.linalg.inv(covariance) - np.eye(len(found)) / believed**2
+    pull, spread = (told + np.eye(len(found)) / believed**2) @ found, believed
+    for _ in range(SETTLING):
+        sure = np.linalg.inv(told + np.eye(len(found)) / spread**2)
+        spread = max(_spread(sure @ pull, np.diag(sure), spread), least)
+    return spread
+
+
+def strange_turns(problem: Problem, at: Unknowns) -> Array:
+    """How far each sensor turned otherwise than its gyroscope says (n-1, S), in the gyroscope's standard deviations."""
+    found = np.empty(problem.turn_sd.shape)
+    for start in range(0, len(found), CHUNK):
+        r = residuals.turning(problem, at, start, start + CHUNK).r
+        found[start : start + len(r)] = np.linalg.norm(r.reshape(len(r), -1, 3), axis=2) / np.sqrt(3)
+    return found
+
+
+def strange(problem: Problem, at: Unknowns) -> Array:
+    """How far each sensor's acceleration is off (n, S) for what its neighbours say, in standard deviations of that; 0 at both ends."""
+    n, a = len(problem), problem.chain.incidence
+    z = np.zeros((n, a.shape[1]))
+    for start in range(1, n - 1, CHUNK):
+        stop = min(start + CHUNK, n - 1)
+        white = residuals.meeting(problem, at, start, stop).r.reshape(stop - start, a.shape[0], 3)
+        seen = residuals.whitening(problem, start, stop) @ a  # what a sensor's error does to the whitened rows
+        told = np.einsum("tjs,tjx->tsx", seen, white)
+        z[start:stop] = np.linalg.norm(told, axis=2) / np.sqrt(3 * (seen**2).sum(axis=1) + 1e-300)
+    return z

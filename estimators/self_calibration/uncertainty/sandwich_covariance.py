@@ -1,0 +1,109 @@
+"""How unsure parameters are where what nobody modelled stays for a while: skin that lags behind a joint, a joint that gives.
+
+In      a limb, or the whole hand, the place of its minimum, the factor of its normal equations
+Out     how far each half second pulls the parameters; a covariance that has it in it; how much more that is than errors of single samples would do
+Source  covariance of an estimate whose model is not the true one, of observations in groups: Huber 1967, 5th Berkeley Symposium; Liang & Zeger 1986,
+        Biometrika 73. Where every residual is a matter of its own, as is believed, groups pull as far as the normal equations say
+Limits  an error that pulls a parameter alike in every half second is taken for the parameter: it shows in other parameters only
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration.normal_equations import Factor
+from handscope.estimators.self_calibration.problem import Chain, Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import Terms
+from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
+from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
+
+TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
+GROUPS = 16  # whose pulls are in memory at once
+Placed = tuple[Terms, Indices, Indices]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
+
+
+def widened(told: Array, pulls: Array, covariance: Array) -> Array:
+    """The covariance `told` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
+    root = np.linalg.cholesky(told)
+    off = np.linalg.solve(root, covariance @ pulls.T)
+    size, directions = np.linalg.eigh(off @ off.T)
+    spread = root @ directions * np.sqrt(np.maximum(size, 1.0))
+    return np.asarray(spread @ spread.T)
+
+
+def sizes(pulls: Array, covariance: Array) -> Array:
+    """Squares of the pulls on each parameter (P,) beside what errors of single samples, of the size that they were met as, make of them: 1, less where what was known before holds."""
+    return np.asarray(np.einsum("mp,mp->p", pulls @ covariance, pulls))
+
+
+def worst(chain: Chain, found: Array) -> tuple[int, float]:
+    """The joint whose own parameters are pulled most, and the mean over all of a limb; `found` (P,) of `sizes`."""
+    c, joints = columns(chain), len(chain.joints)
+    own = sum(found[where].reshape(joints, -1).sum(axis=1) for where in (c.far, c.near, c.skin_turn, c.skin_slide, c.law))
+    for where in (c.axis_far, c.axis_near):
+        own[chain.hinges] += found[where].reshape(-1, 2).sum(axis=1)
+    return int(np.argmax(own)), float(found.mean())
+
+
+def of_limb(problem: Problem, at: Unknowns, factor: Factor) -> Array:
+    """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, while the movement gives way."""
+    n, e, P = factor.Y.shape
+
+    def terms(first: int, last: int) -> Iterator[Placed]:
+        for kind in residuals.EVERY_SAMPLE:
+            own = kind(problem, at, first, last)
+            yield own, np.arange(e), own.cols
+
+    def answered(of_samples: Array) -> Array:
+        return np.array([normal_equations.answered(factor, v) for v in of_samples])
+
+    return _of_groups((n, e, P), problem.dt, terms, answered)
+
+
+def of_hand(problem: HandProblem, at: HandPlace, normal: HandNormal, factor: HandFactor) -> Array:
+    """The same of the whole hand."""
+    where, sd = normal.layout, normal.error_sd[:, None]
+
+    def terms(first: int, last: int) -> Iterator[Placed]:
+        for k, (rows, cols) in enumerate(zip(where.sample, where.parameters)):
+            for own in hand_equations.terms_of(problem, at, k, first, last):
+                yield own, rows, cols[own.cols]
+        r, none = (at.error / sd)[first:last], np.empty(0, np.intp)
+        error = Terms(
+            first, 1, r, np.eye(whole_hand_problem.OWN) / sd[first:last, None], np.empty((len(r), whole_hand_problem.OWN, 0)), none
+        )
+        yield error, np.arange(where.each)[where.error], none
+
+    shape = len(problem), where.each, where.count
+    return _of_groups(shape, problem.limbs[0].dt, terms, lambda v: hand_equations.answered(normal, factor, v))
+
+
+def _of_groups(
+    shape: tuple[int, int, int], dt: float, terms: Callable[[int, int], Iterable[Placed]], answered: Callable[[Array], Array]
+) -> Array:
+    """Of n samples with so many unknowns, and P parameters; `answered` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
+    (n, e, P), each, found = shape, round(TOGETHER / dt), []
+    for first in range(0, n, GROUPS * each):
+        last = min(first + GROUPS * each, n)
+        count = -(-(last - first) // each)
+        own, of_samples = np.zeros((count, P)), np.zeros((count, n, e))
+        for one, rows, cols in terms(first, last):
+            _add(own, of_samples, one, rows, cols, (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each)
+        found.append(own - answered(of_samples))
+    return np.concatenate(found)
+
+
+def _add(own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices) -> None:
+    """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place."""
+    T = len(terms.r)
+    if not T:
+        return
+    if len(cols):
+        np.add.at(own, (group[:, None], cols), np.einsum("tmp,tm->tp", terms.by_parameters, terms.r))
+    by = np.einsum("tmi,tm->ti", terms.by_turns, terms.r).reshape(T, terms.knots, -1)
+    for knot in range(terms.knots):
+        of_samples[group[:, None], terms.first + knot + np.arange(T)[:, None], rows] += by[:, knot]

@@ -1,0 +1,1 @@
+"""All fingers at once, sharing the hand."""

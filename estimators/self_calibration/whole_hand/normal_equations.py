@@ -1,0 +1,367 @@
+"""The normal equations of a whole hand: those of its limbs, put together two samples at a time while they are factored.
+
+In      a HandProblem, a HandPlace
+Out     increments, covariance of the parameters, draws; time and memory grow linearly with the recording, one factor of the border never exists as a whole
+Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur complement: Triggs et al. 2000, 6.1
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from handscope.estimators.numerics import parallel
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.parallel import Each
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.self_calibration import normal_equations, residuals
+from handscope.estimators.self_calibration import soft_tissue as skin_motion
+from handscope.estimators.self_calibration.normal_equations import Normal, Step
+from handscope.estimators.self_calibration.problem import Indices, Problem, Unknowns, columns
+from handscope.estimators.self_calibration.residuals import Terms
+from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand.problem import OWN, HandPlace, HandProblem, Layout
+
+CHUNK = 512  # samples whose derivatives are in memory at once
+PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further
+TOGETHER = 16  # pairs whose share of the border is whitened and summed at once
+
+
+@dataclass(frozen=True)
+class HandNormal:
+    layout: Layout
+    limbs: tuple[Normal, ...]  # their C and c are taken up in the whole's
+    error: Array  # (n, 3) residuals of the hand's accelerometer's error
+    error_sd: Array  # (n,)
+    C: Array  # (P, P)
+    c: Array  # (P,)
+    cost: float
+
+
+@dataclass(frozen=True)
+class HandFactor:
+    """Of the band A = L L' in blocks of pairs of samples; the covariance of the parameters."""
+
+    layout: Layout
+    L: Array  # (K, 2 each, 2 each)
+    below: Array  # (K, 2 each, 2 each) in the rows of pair k + 1 and the columns of pair k
+    covariance: Array  # (P, P)
+    parameters: Array  # (P,) their increment towards the minimum
+
+
+def built(problem: HandProblem, at: HandPlace) -> HandNormal:
+    """The normal equations at a place, and its cost."""
+    where, sd = whole_hand_problem.layout(problem), whole_hand_problem.error_sd(problem)
+    C, c = np.zeros((where.count, where.count)), np.zeros(where.count)
+    off, skin_sd = skin(problem, at)
+    C[where.skin, where.skin], c[where.skin] = np.diag(1 / skin_sd**2), off / skin_sd
+    total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
+    with parallel.threads() as each:
+        limbs = each(lambda k: _of_limb(problem, at, k), range(len(problem.limbs)))
+    for (normal, of_limb), cols in zip(limbs, where.parameters):
+        C[np.ix_(cols, cols)] += normal.C
+        c[cols] += normal.c
+        total += of_limb
+    return HandNormal(where, tuple(normal for normal, _ in limbs), at.error / sd[:, None] ** 2, sd, C, c, total)
+
+
+def _of_limb(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
+    """The normal equations of limb k, and its share of the cost."""
+    limb, cols = problem.limbs[k], whole_hand_problem.layout(problem).parameters[k]
+    normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
+    r, K = priors(limb, at.limbs[k], shares=k == 0)
+    total, own = 0.5 * float((r**2).sum()), K.shape[1]
+    for terms in terms_of(problem, at, k):
+        normal_equations.add(normal, terms)
+        total += 0.5 * float((terms.r**2).sum())
+    normal.C[:own, :own] += K.T @ K
+    normal.c[:own] += K.T @ r
+    return normal, total
+
+
+def cost(problem: HandProblem, at: HandPlace) -> float:
+    """Half the sum of the squared residuals."""
+    total = 0.5 * float(((at.error / whole_hand_problem.error_sd(problem)[:, None]) ** 2).sum() + (skin(problem, at)[0] ** 2).sum())
+    for k, limb in enumerate(problem.limbs):
+        total += 0.5 * float((priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
+        for start in range(0, len(limb), CHUNK):
+            for kind in _kinds(k):
+                total += 0.5 * float((_alone(problem, at, k, kind, start, start + CHUNK) ** 2).sum())
+    return total
+
+
+def skin(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
+    """How far the hand's skin moves its sensor, and its laws, in standard deviations, and these (7 F,)."""
+    noise, quarter = problem.noise, np.pi / 2
+    F = len(problem.limbs)
+    sizes = np.radians(noise.skin_turn) / quarter, 1e-3 * noise.skin_slide / quarter, noise.skin_law
+    sd = np.repeat(sizes, (3 * F, 3 * F, F))
+    return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel(), at.skin_law]) / sd, sd
+
+
+def terms_of(problem: HandProblem, at: HandPlace, k: int, first: int = 0, last: int | None = None) -> Iterator[Terms]:
+    """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first. Of samples from `first` to before `last`."""
+    limb, place = problem.limbs[k], at.limbs[k]
+    quiet, bending, end = _quiet(limb), whole_hand_problem.bending(problem), len(limb) if last is None else last
+    for start in range(first, end, CHUNK):
+        stop = min(start + CHUNK, end)
+        for kind in _kinds(k):
+            if kind is residuals.meeting:
+                yield _meeting(quiet, place, at, bending, start, stop)
+            else:
+                yield _widened(_with_hand(kind(limb, place, start, stop), kind, k))
+
+
+def _kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
+    """Of residuals of limb k: the first tells how the hand stays."""
+    return tuple(kind for kind in residuals.EVERY_SAMPLE if k == 0 or kind is not residuals.staying)
+
+
+def _with_hand(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
+    """Rows of the hand's sensor are the first limb's."""
+    if k == 0 or kind is residuals.hinging:
+        return terms
+    return replace(terms, r=terms.r[:, 3:], by_turns=terms.by_turns[:, 3:], by_parameters=terms.by_parameters[:, 3:])
+
+
+def _quiet(limb: Problem) -> Problem:
+    """With the hand's noise an unknown."""
+    return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
+
+
+def _alone(problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int) -> Array:
+    """Residuals of limb k without derivatives."""
+    limb, place = problem.limbs[k], at.limbs[k]
+    if kind is residuals.meeting:
+        return _met(_quiet(limb), place, at, whole_hand_problem.bending(problem), start, stop)[0]
+    return _with_hand(kind(limb, place, start, stop), kind, k).r
+
+
+def _met(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> tuple[Array, Array]:
+    """Residuals (T, J, 3) of `_meeting`; the part of them that the skin makes."""
+    first, stop, root = max(start, 1), min(stop, len(quiet) - 1), whole_hand_problem.root(quiet.chain)
+    r = residuals.met(quiet, place, first, stop).reshape(stop - first, len(quiet.chain.joints), 3)
+    seen = residuals.whitening(quiet, first, stop)[:, :, root, None]
+    samples = np.arange(first - 1, stop + 1)
+    v = place.far[root] - skin_motion.seen(
+        skin_motion.pulled(skin_motion.followed(bending[samples], at.skin_law), at.skin_turn, at.skin_slide), place.far[root]
+    )
+    swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
+    e = np.diff(swung, 2, axis=0) / quiet.dt**2
+    pulled = seen * e[:, None] / residuals.common_scale(place)
+    return r + pulled - seen * at.error[first:stop, None], pulled
+
+
+def _meeting(quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int) -> Terms:
+    """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
+    terms, chain = _widened(residuals.meeting(quiet, place, start, stop)), quiet.chain
+    T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), columns(chain)
+    first, k = terms.first + 1, whole_hand_problem.root(chain)
+    seen = residuals.whitening(quiet, first, first + T)[:, :, k]  # (T, J)
+    grown, (r, by_pull) = residuals.common_scale(place), _met(quiet, place, at, bending, start, stop)
+    by_turn, by_far, by_skin = pulled(quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2))
+
+    def shared(v: Array) -> Array:
+        """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
+        return np.asarray(np.einsum("tj,t...->tj...", seen / grown, v))
+
+    by = terms.by_turns.reshape(T, J, 3, terms.knots, 3 * S + OWN)
+    by[..., :3] += shared(by_turn.transpose(0, 2, 1, 3))
+    for axis in range(3):
+        by[:, :, axis, 1, axis - OWN] = -seen
+    slopes = terms.by_parameters.reshape(T, J, 3, len(terms.cols))
+    slopes[..., 3 * k : 3 * k + 3] += shared(by_far)
+    slopes[..., -9 * S :] -= by_pull[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
+    cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
+    by_turns, by_parameters = by.reshape(terms.by_turns.shape), slopes.reshape(T, 3 * J, len(cols))
+    return replace(terms, r=r.reshape(T, 3 * J), by_turns=by_turns, by_parameters=by_parameters, cols=cols)
+
+
+def pulled(limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices) -> tuple[Array, Array, Array]:
+    """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
+    arm, bent = place.far[whole_hand_problem.root(limb.chain)], bending[samples]  # (T, 3, F)
+    b = skin_motion.followed(bent, at.skin_law)
+    R = residuals.SECOND_DIFFERENCE[:, None, None] / limb.dt**2 * quat.matrix(place.q_GS[:, 0])[samples]
+    moved = skin_motion.pulled(b, at.skin_turn, at.skin_slide)
+    v = arm - skin_motion.seen(moved, arm)
+    by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
+    turned, slid = -R @ skin_motion.by_turn(moved, arm), R @ moved.back
+    by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
+    by_law = np.einsum("tkf,tkif->tif", skin_motion.by_law(bent, at.skin_law)[1], turned @ at.skin_turn.T + slid @ at.skin_slide.T)
+    T, _, F = b.shape
+    by_skin = np.concatenate([by_turn.reshape(T, 3, 3 * F), by_slide.reshape(T, 3, 3 * F), by_law], axis=2)
+    return -R @ quat.skew(v), by_far, by_skin
+
+
+def _widened(terms: Terms) -> Terms:
+    """Columns for the hand's error, behind the turns of each sample."""
+    T, m = terms.r.shape
+    by = terms.by_turns.reshape(T, m, terms.knots, terms.by_turns.shape[2] // terms.knots)
+    wide = np.concatenate([by, np.zeros((T, m, terms.knots, OWN))], axis=3)
+    return replace(terms, by_turns=wide.reshape(T, m, terms.knots * wide.shape[3]))
+
+
+def priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
+    r, K = residuals.priors(limb, at)
+    if shares:
+        return r, K
+    own = np.delete(K, whole_hand_problem.common(limb.chain), axis=1).any(axis=1)
+    return r[own], K[own]
+
+
+def factored(normal: HandNormal, damping: float = 0.0) -> HandFactor:
+    """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
+    where, E = normal.layout, PAIR * normal.layout.each
+    P, K = where.count, -(-len(normal.error) // PAIR)
+    L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
+    known, last = np.zeros((P + 1, P + 1)), np.zeros((E, P + 1))
+    halves, quarters = _slices(P + 1, 2), _slices(P + 1, 4)
+    products = [(rows, cols) for i, rows in enumerate(quarters) for cols in quarters[i:]]
+    with parallel.threads() as each:
+        for k in range(0, K, TOGETHER):
+            D, border = _put_together(normal, k, below[k : k + TOGETHER], damping, each)
+            back = _root_band(D, L, below, k)
+            before = below[np.arange(k, k + len(D)) - 1]  # before the first is nothing: there `last` is zero
+            each(partial(_whiten, border, last, before, back), halves)
+            each(partial(_multiply, border.reshape(-1, P + 1), known), products)
+            last = border[-1]
+    known = np.triu(known) + np.triu(known, 1).T
+    C = normal.C.copy()
+    C[np.diag_indices_from(C)] *= 1 + damping
+    covariance = normal_equations.inverse(C - known[:P, :P])
+    return HandFactor(where, L, below, covariance, covariance @ (known[:P, P] - normal.c))
+
+
+def _slices(size: int, count: int) -> list[slice]:
+    ends = np.linspace(0, size, count + 1).astype(int)
+    return [slice(first, stop) for first, stop in zip(ends, ends[1:])]
+
+
+def _root_band(D: Array, L: Array, below: Array, first: int) -> Array:
+    """Fills L and what is below it for the pairs from `first` on; gives the inverses of L's blocks (m, E, E): with them to multiply is faster than to solve."""
+    back = np.empty_like(D)
+    for j, k in enumerate(range(first, first + len(D))):
+        if k:
+            D[j] -= below[k - 1] @ below[k - 1].T
+        L[k] = _root(D[j])
+        back[j] = lapack.dtrtri(L[k].T, lower=0)[0].T
+        below[k] = below[k] @ back[j].T
+    return back
+
+
+def _root(D: Array) -> Array:
+    upper, failed = lapack.dpotrf(D.T, lower=0, clean=1)
+    if failed:
+        raise np.linalg.LinAlgError("the readings do not tell the trajectory")
+    return np.asarray(upper.T)
+
+
+def _whiten(border: Array, last: Array, before: Array, back: Array, cols: slice) -> None:
+    """Columns of [B, a] (m, E, P + 1) become those of L^-1 [B, a], in place; `last` (E, P + 1) are those of the pair before them."""
+    known = last[:, cols]
+    for own, below, inverse in zip(border[:, :, cols], before, back):
+        own[...] = inverse @ (own - below @ known)
+        known = own
+
+
+def _multiply(border: Array, known: Array, where: tuple[slice, slice]) -> None:
+    """Adds a block of border' border, in place."""
+    rows, cols = where
+    known[rows, cols] += border[:, rows].T @ border[:, cols]
+
+
+def _put_together(normal: HandNormal, k: int, below: Array, damping: float, each: Each) -> tuple[Array, Array]:
+    """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
+    m, e, P = len(below), normal.layout.each, normal.layout.count
+    D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
+    each(partial(_put_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
+    whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
+    whole[:, diagonal, diagonal] *= 1 + damping
+    return whole, B.reshape(m, PAIR * e, P + 1)
+
+
+def _put_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
+    """The first or the second samples of the pairs from k on, in place."""
+    where, n, (m, _, e, _, _) = normal.layout, len(normal.error), D.shape
+    t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
+    pairs, error = np.arange(len(t)), np.arange(e)[where.error]
+    for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
+        across = (pairs[:, None, None], rows[:, None], rows)
+        D[:, half, :, half][across] += limb.A[t, 0]
+        (D[:, 1, :, 0] if half == 0 else under[:, 0, :, 1])[across] += limb.A[t, 1]
+        under[:, half, :, half][across] += limb.A[t, 2]
+        B[:, half][pairs[:, None, None], rows[:, None], cols] += limb.B[t]
+        B[:, half, :, -1][pairs[:, None], rows] += limb.a[t]
+    D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
+    B[:, half, :, -1][pairs[:, None], error] += normal.error[t]
+    D[len(t) :, half, np.arange(e), half, np.arange(e)] = 1.0  # no sample: the last pair of an odd number
+
+
+def step(normal: HandNormal, factor: HandFactor) -> Step:
+    """Where the minimum of the quadratic model lies from here."""
+    rhs = -_bordered(normal, factor.parameters)
+    for limb, rows in zip(normal.limbs, normal.layout.sample):
+        rhs[:, rows] -= limb.a
+    rhs[:, normal.layout.error] -= normal.error
+    x = _backward(factor, _forward(factor, _paired(rhs[None])))
+    return Step(_each_sample(x, normal)[0], factor.parameters)
+
+
+def drawn(normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array) -> list[Step]:
+    """Draws from the distribution with the equations' covariance, of independent standard normal numbers (m, n, each) and (m, P)."""
+    parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
+    told = _forward(factor, _paired(np.stack([_bordered(normal, p) for p in parameters])))
+    x = _backward(factor, _paired(of_samples) - told)
+    return [Step(*one) for one in zip(_each_sample(x, normal), parameters)]
+
+
+def answered(normal: HandNormal, factor: HandFactor, of_samples: Array) -> Array:
+    """B' A^-1 v (m, P), of v (m, n, each): how gradients by samples' unknowns pull the parameters, but for their sign."""
+    x = _each_sample(_backward(factor, _forward(factor, _paired(of_samples))), normal)
+    found = np.zeros((len(x), normal.layout.count))
+    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
+        found[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
+    return found
+
+
+def _bordered(normal: HandNormal, parameters: Array) -> Array:
+    """B p (n, each)."""
+    found = np.zeros((len(normal.error), normal.layout.each))
+    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
+        found[:, rows] += limb.B @ parameters[cols]
+    return found
+
+
+def _paired(v: Array) -> Array:
+    """(m, n, each) as (K, m, 2 each), a sample of zeros where one is missing."""
+    m, n, each = v.shape
+    whole = np.concatenate([v, np.zeros((m, n % PAIR, each))], axis=1)
+    return whole.reshape(m, -1, PAIR * each).transpose(1, 0, 2)
+
+
+def _each_sample(x: Array, normal: HandNormal) -> Array:
+    """The way back, (m, n, each)."""
+    return x.transpose(1, 0, 2).reshape(x.shape[1], -1, normal.layout.each)[:, : len(normal.error)]
+
+
+def _forward(factor: HandFactor, y: Array) -> Array:
+    """L^-1 y, of rows (K, m, 2 each)."""
+    y = y.copy()
+    for k in range(len(y)):
+        if k:
+            y[k] -= y[k - 1] @ factor.below[k - 1].T
+        y[k] = blas.dtrsm(1.0, factor.L[k].T, y[k].T, lower=0, trans_a=1).T
+    return y
+
+
+def _backward(factor: HandFactor, x: Array) -> Array:
+    """L'^-1 x, of rows (K, m, 2 each)."""
+    x = x.copy()
+    for k in range(len(x) - 1, -1, -1):
+        if k + 1 < len(x):
+            x[k] -= x[k + 1] @ factor.below[k]
+        x[k] = blas.dtrsm(1.0, factor.L[k].T, x[k].T, lower=0).T
+    return x

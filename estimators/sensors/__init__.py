@@ -1,0 +1,1 @@
+"""Single sensors: calibration, saturation, missing samples, faults, rest."""

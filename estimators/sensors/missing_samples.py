@@ -1,0 +1,73 @@
+"""Which samples of a block are missing: values that are not there, and instants at which nothing came.
+
+In      blocks of an inertial stream
+Out     masks, and blocks with rows of NaN where the stream's clock expects a sample
+Source  ours
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, beyond_row
+from handscope.estimators.numerics.jit import told_by_row
+from handscope.estimators.numerics.quaternions import Array
+
+
+def complete(block: Block) -> NDArray[np.bool_]:
+    """Which rows (n, sensors) have all six inertial values; three exact zeros are an accelerometer that does not answer."""
+    return _complete(block.of(GYR), block.of(ACC))
+
+
+def looked_at(block: Block) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which samples (n, sensors) are whole: all six inertial values are there and the rate is within its limit, beyond which it is bridged as a missing
+    one is; and which rates or accelerations are at the sensor's limit."""
+    fastest, hardest = (SATURATION * block.stream.full_scale.get(quantity, math.nan) for quantity in (GYR, ACC))
+    whole, limit = _looked_at(block.of(GYR), block.of(ACC), fastest, hardest)
+    return whole, limit
+
+
+@told_by_row("(v),(v)->()")
+def _complete(gyr: Array, acc: Array, told: NDArray[np.bool_]) -> None:
+    total = gyr[0] + gyr[1] + gyr[2] + acc[0] + acc[1] + acc[2]
+    told[0] = math.isfinite(total) and (acc[0] != 0 or acc[1] != 0 or acc[2] != 0)
+
+
+complete_row = _complete.row  # as other kernels call it
+
+
+@told_by_row("(v),(v),(),()->(),()")
+def _looked_at(gyr: Array, acc: Array, fastest: float, hardest: float, whole: NDArray[np.bool_], limit: NDArray[np.bool_]) -> None:
+    complete_row(gyr, acc, whole)
+    beyond_row(gyr, fastest, limit)
+    whole[0] = whole[0] and not limit[0]
+    if not limit[0]:
+        beyond_row(acc, hardest, limit)
+
+
+def with_missing_instants(block: Block, newest: float, period: float, max_gap: float) -> tuple[Block, NDArray[np.bool_]]:
+    """Put rows of NaN where the stream's clock (`period` s, `newest` sample before the block) says that samples are missing; the mask tells the others."""
+    if not _misses(block.t, newest, period, max_gap):
+        return block, np.ones(len(block.t), bool)
+    previous = np.concatenate([[newest], block.t[:-1]])
+    jump = block.t - previous
+    jump[np.isinf(jump)] = period
+    counts = np.where(jump <= max_gap, np.rint(jump / period) - 1, np.where(jump > 1.5 * period, 1, 0)).astype(int)
+    counts = np.maximum(counts, 0)
+    where = np.repeat(np.arange(len(block.t)), counts)
+    rank = np.arange(len(where)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    t_missing = previous[where] + rank * jump[where] / (counts[where] + 1)
+    filled = Block(block.stream, np.insert(block.t, where, t_missing), np.insert(block.values, where, np.nan, axis=0))
+    return filled, np.insert(np.ones(len(block.t), bool), where, False)
+
+
+@told_by_row("(n),(),(),()->()")
+def _misses(t: Array, newest: float, period: float, max_gap: float, told: NDArray[np.bool_]) -> None:
+    """Whether some sample is missing between those at t, or before them."""
+    told[0], before = False, newest
+    for k in range(t.shape[0]):
+        jump = t[k] - before
+        if not math.isinf(jump):
+            told[0] = told[0] or (np.rint(jump / period) > 1 if jump <= max_gap else jump > 1.5 * period)
+        before = t[k]

@@ -1,0 +1,110 @@
+"""Full scales that a recording does not tell, from readings that repeat their largest value; with them clipped samples are bridged, not used.
+
+In      samples of a stream, one block; or a whole Recording
+Out     the value at which each sensor clips, or the same recording with the full scales that were found
+Source  smallest and usual full scales: data sheets of MPU-9250 and LSM330DLC; the rule is ours
+Limits  a sensor whose readings were corrected for misalignment clips at no single value, and sensors of one stream may clip at different
+        values: without known full scales neither is bridged by tracking, the second is said by sensor_checks.py and bridged by self-calibration
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.samples import ACC, GYR, Block, Event, Recording, Stream
+from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.quaternions import Array
+
+USUAL = {GYR: np.radians([245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0]), ACC: GRAVITY * np.array([2.0, 4.0, 8.0, 16.0])}
+LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
+NEAR = 0.02  # of a usual full scale: what a scale error leaves
+OFTEN = 3  # equal largest readings: in a row anywhere, apart only near a usual full scale
+SLOW, PLATEAUS = np.radians(60.0), 3  # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
+
+
+def limits(block: Block, quantity: str) -> Array:
+    """Where each sensor clips (sensors,): its known full scale, a value that its readings repeat, or inf."""
+    if quantity in block.stream.full_scale:
+        return np.full(len(block.stream.sensors), block.stream.full_scale[quantity])
+    values = block.of(quantity)
+    furthest = np.maximum(np.fmax.reduce(values, axis=0, initial=0.0), -np.fmin.reduce(values, axis=0, initial=0.0))
+    least = SLOW if quantity == GYR else LEAST[quantity]
+    if (furthest < least).all():
+        return np.full(len(furthest), np.inf)
+    size = np.abs(values)
+    largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
+    top = size == largest
+    in_a_row = top[2:] & top[1:-1] & top[:-2]
+    plateaus = (np.diff(in_a_row, axis=0, prepend=False) & in_a_row).sum(axis=0)
+    usual = (np.abs(largest[..., None] / USUAL[quantity] - 1.0) < NEAR).any(axis=-1)
+    clips = (largest >= LEAST[quantity]) & ((plateaus > 0) | (usual & (top.sum(axis=0) >= OFTEN)))
+    clips |= (largest >= least) & (plateaus >= PLATEAUS)
+    return np.asarray(np.where(clips, largest, np.inf).min(axis=1))
+
+
+def found(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:
+    """Full scales by stream and quantity that are not told but seen: where one of its sensors clips and none reads more."""
+    seen: dict[str, dict[str, float]] = {}
+    for block in (b for b in blocks if b.stream.inertial):
+        for quantity in (q for q in (GYR, ACC) if q not in block.stream.full_scale):
+            limit, values = limits(block, quantity).min(initial=np.inf), block.of(quantity)
+            if np.isfinite(limit) and np.max(np.abs(values), initial=0.0, where=np.isfinite(values)) <= (1 + NEAR) * limit:
+                seen.setdefault(block.stream.name, {})[quantity] = float(limit)
+    return seen
+
+
+def told(samples: Mapping[str, Block]) -> dict[str, Block]:
+    """The same samples by stream, their streams telling the full scales that were found."""
+    scales = found(samples.values())
+    return {n: replace(b, stream=_telling(b.stream, scales)) for n, b in samples.items()}
+
+
+def _telling(stream: Stream, scales: Mapping[str, Mapping[str, float]]) -> Stream:
+    return replace(stream, full_scale={**stream.full_scale, **scales.get(stream.name, {})})
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A recording whose streams tell the full scales that were found."""
+
+    recording: Recording
+    scales: Mapping[str, Mapping[str, float]]  # by stream and quantity
+
+    @property
+    def hand(self) -> Hand:
+        return self.recording.hand
+
+    @property
+    def geometry(self) -> HandGeometry:
+        return self.recording.geometry
+
+    @property
+    def mounting(self) -> Mapping[str, Array]:
+        return self.recording.mounting
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        return tuple(_telling(s, self.scales) for s in self.recording.streams)
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        return self.recording.events
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return self.recording.warnings
+
+    @property
+    def plate(self) -> Plate | None:
+        return self.recording.plate
+
+    def blocks(self) -> Iterator[Block]:
+        return (self.scaled(b) for b in self.recording.blocks())
+
+    def scaled(self, block: Block) -> Block:
+        """The same samples of a stream that tells its full scales."""
+        return replace(block, stream=_telling(block.stream, self.scales))

@@ -1,0 +1,176 @@
+"""Which axes of which sensors stand still, second by second: a living sensor's noise changes every axis.
+
+In      samples of all streams, one block each
+Out     Findings: dead axes, sensors and magnetometers that give one reading
+Source  ours. An axis is dead where the covariance of the steps from sample to sample has no extent in some direction; after a strip's correction that
+        direction is no longer quite the axis, so the covariance is looked at and not the axis
+Limits  noiseless data (a simulation) has no such mark: where in some second nearly everything stands still, or most of the other fingers' sensors do,
+        nothing is said; nothing either while nothing moves
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.findings import Finding
+from handscope.estimators.data.samples import ACC, GYR, MAG, Block
+from handscope.estimators.numerics.jit import Compiled, rowwise
+from handscope.estimators.numerics.quaternions import Array
+
+WINDOW = 1.0  # s
+STILL = {GYR: 1e-6, ACC: 1e-5, MAG: 1e-11}  # rad/s, m/s^2, T: far below a count of any sensor, far above rounding
+NOISELESS = 0.95  # share of all directions that stand still in some second
+OTHERS = 0.8  # share of the other sensors' directions that must change meanwhile
+MOVES = 0.2  # rad/s, root mean square of the angular rate in a second of movement
+WORDS = {GYR: "gyroscope", ACC: "accelerometer", MAG: "magnetometer"}
+CHECK = "check its plug and cable, or change the strip"
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One quantity of one sensor, second by second."""
+
+    dead: NDArray[np.bool_]  # (seconds, 3) directions without extent, least first
+    axis: NDArray[np.intp]  # (seconds, 3) the sensor axis nearest to each direction
+    known: NDArray[np.bool_]  # (seconds,) whether there were samples
+
+
+def check(blocks: Sequence[Block]) -> list[Finding]:
+    """All that stands still although it should not."""
+    spans = [(b.t[0], b.t[-1]) for b in blocks if len(b.t)]
+    edges = np.arange(min((s for s, _ in spans), default=0.0), max((e for _, e in spans), default=0.0) + WINDOW, WINDOW)
+    if len(edges) < 2:
+        return []
+    seen = {(s, q): own for b in blocks for q in b.stream.quantities if q in WORDS for s, own in zip(b.stream.sensors, _seen(b, q, edges))}
+    moves = {s: moved for b in blocks if GYR in b.stream.quantities for s, moved in zip(b.stream.sensors, _moves(b, edges).T)}
+    inertial = [s for (_, q), s in seen.items() if q != MAG]
+    if not inertial or _share([s.dead for s in inertial], [s.known for s in inertial]).max() >= NOISELESS:
+        return []
+    found = []
+    for (sensor, quantity), own in seen.items():
+        if own.dead.any():
+            others = _others(sensor, quantity, seen)
+            near = [m for s, m in moves.items() if sensor in ("hand", "forearm") or _finger(s) == _finger(sensor)]
+            moved = np.any(near, axis=0) if near else np.ones(len(edges) - 1, bool)
+            found += _standing(sensor, quantity, own, others, moved, edges)
+    return _merged(found)
+
+
+def _seen(block: Block, quantity: str, edges: Array) -> list[_Seen]:
+    """Extent of every sensor's steps from sample to sample in each second."""
+    first = np.searchsorted(block.t, edges)
+    covariance = _by_second(_of_steps, block, quantity, first, (3, 3))
+    enough = np.diff(first) >= max(3.0, 0.5 * WINDOW * block.stream.rate)
+    known = enough[:, None] & np.isfinite(covariance).all(axis=(-2, -1))
+    covariance[~known] = 0.0
+    suspect = known & (np.linalg.det(covariance) <= STILL[quantity] ** 2 * np.trace(covariance, axis1=-2, axis2=-1) ** 2)
+    dead, axis = np.zeros((*known.shape, 3), bool), np.zeros((*known.shape, 3), np.intp)
+    if suspect.any():
+        extent, directions = np.linalg.eigh(covariance[suspect])
+        dead[suspect] = np.sqrt(np.maximum(extent, 0.0)) < STILL[quantity]
+        axis[suspect] = np.abs(directions).argmax(axis=1)
+    return [_Seen(dead[:, k], axis[:, k], known[:, k]) for k in range(known.shape[1])]
+
+
+def _moves(block: Block, edges: Array) -> NDArray[np.bool_]:
+    """Seconds (seconds, sensors) in which each sensor turned."""
+    return _by_second(_mean_square, block, GYR, np.searchsorted(block.t, edges), ()) > MOVES**2
+
+
+def _by_second(measure: Compiled, block: Block, quantity: str, first: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+    """What `measure` gives of each sensor's samples in each second (seconds, sensors, *shape); zeros where there are none."""
+    values = np.moveaxis(block.of(quantity), 1, 0)
+    found = np.zeros((len(first) - 1, len(values), *shape))
+    for k, (a, b) in enumerate(pairwise(first)):
+        if b > a:
+            found[k] = measure(values[:, a:b])
+    return found
+
+
+@rowwise("(n,v)->(v,v)")
+def _of_steps(values: Array, covariance: Array) -> None:
+    """Covariance (3, 3) of the steps between samples (n, 3)."""
+    total, step = np.zeros((3, 3)), np.empty(3)
+    for k in range(1, len(values)):
+        for i in range(3):
+            step[i] = values[k, i] - values[k - 1, i]
+            for j in range(i + 1):
+                total[i, j] += step[i] * step[j]
+    for i in range(3):
+        for j in range(i + 1):
+            covariance[i, j] = covariance[j, i] = total[i, j] / len(values)
+
+
+@rowwise("(n,v)->()")
+def _mean_square(values: Array, found: Array) -> None:
+    """Mean square size of vectors (n, 3); what is missing counts as zero."""
+    total = 0.0
+    for k in range(len(values)):
+        square = values[k, 0] ** 2 + values[k, 1] ** 2 + values[k, 2] ** 2
+        total += square if math.isfinite(square) else 0.0
+    found[0] = total / len(values)
+
+
+def _finger(sensor: str) -> str:
+    return sensor.split("_")[0]
+
+
+def _share(dead: Sequence[NDArray[np.bool_]], known: Sequence[NDArray[np.bool_]]) -> Array:
+    """Share (seconds,) of directions that stand still, of those known."""
+    counted = np.sum(known, axis=0)
+    return np.asarray(np.where(counted > 0, np.sum([d.sum(axis=1) for d in dead], axis=0) / np.maximum(3 * counted, 1), 0.0))
+
+
+def _others(sensor: str, quantity: str, seen: Mapping[tuple[str, str], _Seen]) -> NDArray[np.bool_]:
+    """Seconds in which the same quantity of other fingers changes; where no other has it, seconds in which this one's other axes do."""
+    apart = [s for (name, q), s in seen.items() if q == quantity and _finger(name) != _finger(sensor)]
+    if apart:
+        return 1.0 - _share([s.dead for s in apart], [s.known for s in apart]) >= OTHERS
+    return np.asarray(seen[sensor, quantity].dead.sum(axis=1) < 3)
+
+
+def _standing(sensor: str, quantity: str, own: _Seen, others: NDArray[np.bool_], moved: NDArray[np.bool_], edges: Array) -> list[Finding]:
+    kept, axes = np.zeros(len(others), bool), ""
+    for axis in range(3):
+        still = (own.dead & (own.axis == axis)).any(axis=1) & others
+        for a, b in runs(still):
+            if moved[a:b].any():
+                kept[a:b], axes = True, axes + ("" if "xyz"[axis] in axes else "xyz"[axis])
+    if not kept.any():
+        return []
+    spans = tuple((float(edges[a]), float(edges[b])) for a, b in runs(kept))
+    when = f"for {sum(e - s for s, e in spans):.0f} s, from {spans[0][0]:.0f} s on"
+    if len(axes) == 3:
+        kind, what = "stuck", f"its {WORDS[quantity]} gave one and the same reading {when}"
+    else:
+        named = f"the {' and '.join(axes)} {'axis' if len(axes) == 1 else 'axes'} of its {WORDS[quantity]}"
+        kind, what = "dead_axis", f"{named} did not change {when}"
+    return [Finding(sensor, "magnetometer" if quantity == MAG else kind, what, CHECK, "fault", spans)]  # type: ignore[arg-type]
+
+
+def _merged(found: list[Finding]) -> list[Finding]:
+    """Gyroscope and accelerometer that stand still together are one finding."""
+    stuck = {(f.sensor, WORDS[GYR] in f.sentence): f for f in found if f.kind == "stuck"}
+    both = {s for s, gyr in stuck if gyr and (s, False) in stuck}
+    merged = [
+        Finding(
+            s,
+            "stuck",
+            stuck[s, True].sentence.replace("gyroscope", "gyroscope and accelerometer"),
+            CHECK,
+            "fault",
+            tuple(sorted({*stuck[s, True].spans, *stuck[s, False].spans})),
+        )
+        for s in sorted(both)
+    ]
+    return [f for f in found if not (f.kind == "stuck" and f.sensor in both)] + merged
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches [first, last) of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))).reshape(-1, 2)
+    return [(int(a), int(b)) for a, b in edges]

@@ -1,0 +1,1 @@
+"""What the simulated person does: tasks, grips and calibration movements."""

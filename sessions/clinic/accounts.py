@@ -1,0 +1,169 @@
+"""Accounts: who may log in, as what, and how a password is kept.
+
+Roles   clinician      patients and everything about them, live and kept
+        scientist      the same movements under codes: reads and computes, changes nothing, sees no free text and no year of birth
+        administrator  accounts and the audit trail, no patients
+An account may have several. LOCAL is the account of whoever may write in the data folder: the one-time codes of this machine log in as it.
+Passwords are kept as argon2id hashes with the library's parameters (RFC 9106, 4: 64 MiB, t = 3, p = 4), made anew when those change.
+"""
+
+import hashlib
+import re
+import threading
+from collections.abc import Sequence
+from functools import cache
+
+from argon2 import PasswordHasher
+from argon2.exceptions import InvalidHashError, VerificationError
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.db.tables import Account
+
+CLINICIAN, SCIENTIST, ADMINISTRATOR = ROLES = ("clinician", "scientist", "administrator")
+LOCAL = "local"
+NAME = re.compile(r"[\w.@+-]{1,64}")
+SHORTEST, LONGEST = 12, 256  # characters of a password
+LONGEST_SUBJECT = 400  # characters of issuer and subject
+DIFFERENT = 5  # characters that a password has at least
+_hasher = PasswordHasher()
+_working = threading.BoundedSemaphore(2)  # hashes at once: each takes 64 MiB and a tenth of a second
+
+
+def local(db: Session) -> Account:
+    """The account of this machine, made when it is not there; the caller commits."""
+    found = db.scalar(select(Account).where(Account.name == LOCAL))
+    if found is None:
+        found = Account(name=LOCAL, roles=[CLINICIAN, ADMINISTRATOR])
+        db.add(found)
+        db.flush()
+    return found
+
+
+def add(db: Session, name: str, roles: Sequence[str]) -> Account:
+    """A new account without a password; InputError where the name is taken or not one, or a role is not known."""
+    account = Account(name=_name(name), roles=_roles(roles))
+    db.add(account)
+    try:
+        db.commit()
+    except IntegrityError:
+        db.rollback()
+        raise InputError(f"there is already an account {name!r}; choose another name") from None
+    return account
+
+
+def everyone(db: Session) -> list[Account]:
+    """All accounts by name."""
+    return list(db.scalars(select(Account).order_by(Account.name)))
+
+
+def named(db: Session, name: str) -> Account:
+    """The account; InputError where there is none."""
+    found = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
+    if found is None:
+        raise InputError(f"there is no account {name!r}; handscope account list prints them")
+    return found
+
+
+def get(db: Session, account_id: int) -> Account:
+    """The account; InputError where there is none."""
+    found = db.get(Account, account_id)
+    if found is None:
+        raise InputError(f"there is no account {account_id}")
+    return found
+
+
+def of_subject(db: Session, subject: str, name: str, roles: Sequence[str]) -> Account:
+    """The account of somebody whom the organisation vouches for, made at the first login; the roles are those of today."""
+    found = db.scalar(select(Account).where(Account.subject == subject))
+    if found is None:
+        name = re.sub(r"[^\w.@+-]", "_", name.strip().casefold())[:50] or "account"
+        if name == LOCAL or db.scalar(select(Account.id).where(Account.name == name)):
+            name += f"+{hashlib.sha256(subject.encode()).hexdigest()[:8]}"
+        found = Account(name=_name(name), roles=_roles(roles), subject=subject)
+        db.add(found)
+    if found.disabled:
+        raise InputError(f"the account {found.name} is out of use")
+    found.roles = _roles(roles)
+    try:
+        db.commit()
+    except IntegrityError:  # the same person's first login in two windows at once, or somebody of the same name
+        db.rollback()
+        return of_subject(db, subject, name, roles)
+    return found
+
+
+def change(db: Session, account: Account, roles: Sequence[str] | None = None, disabled: bool | None = None) -> None:
+    """Other roles, or in and out of use; they count from the next request on."""
+    if roles is not None:
+        account.roles = _roles(roles)
+    if disabled is not None:
+        account.disabled = disabled
+    db.commit()
+
+
+def set_password(db: Session, account: Account, password: str) -> None:
+    """Keep a new password; InputError where it is easily guessed."""
+    _require_good(password, account.name)
+    account.password = _hashed(password)
+    db.commit()
+
+
+def with_passwords(db: Session) -> bool:
+    """Whether anybody can log in by name and password."""
+    return bool(db.scalar(select(func.count(Account.id)).where(Account.password.is_not(None), Account.disabled.is_(False))))
+
+
+def proved(db: Session, name: str, password: str) -> Account | None:
+    """The account that name and password belong to. An unknown name takes as long as a wrong password and tells as little."""
+    account = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
+    kept = account.password if account is not None and not account.disabled else None
+    with _working:
+        right = _verified(kept or _nobodys(), password)
+    if account is None or kept is None or not right:
+        return None
+    if _hasher.check_needs_rehash(kept):
+        account.password = _hashed(password)
+        db.commit()
+    return account
+
+
+def _verified(kept: str, password: str) -> bool:
+    try:
+        return _hasher.verify(kept, password)
+    except (VerificationError, InvalidHashError):
+        return False
+
+
+def _hashed(password: str) -> str:
+    with _working:
+        return _hasher.hash(password)
+
+
+@cache
+def _nobodys() -> str:
+    """The hash of a password that nobody knows."""
+    return _hasher.hash(b"\0" * 32)
+
+
+def _name(name: str) -> str:
+    name = name.strip().casefold()
+    if not NAME.fullmatch(name):
+        raise InputError("the name of an account has 1 to 64 letters, digits and . _ - + @")
+    return name
+
+
+def _roles(roles: Sequence[str]) -> list[str]:
+    unknown = [role for role in roles if role not in ROLES]
+    if unknown or not roles:
+        raise InputError(f"an account has one or more of the roles {', '.join(ROLES)}{f', not {unknown[0]!r}' if unknown else ''}")
+    return [role for role in ROLES if role in roles]
+
+
+def _require_good(password: str, name: str) -> None:
+    if not SHORTEST <= len(password) <= LONGEST:
+        raise InputError(f"a password has {SHORTEST} to {LONGEST} characters; a sentence is easy to remember")
+    if len(set(password)) < DIFFERENT or name.casefold() in password.casefold():
+        raise InputError("this password is easily guessed; take one without the account's name and with more different characters")

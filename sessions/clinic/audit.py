@@ -1,0 +1,223 @@
+"""The audit trail: who saw, made, changed, exported and erased what, who logged in and what was refused; only ever appended to.
+
+Each line holds the hash of the one before, so that a line changed, taken out or put in breaks the chain from there on (`verified`). Who can write
+the whole database can forge a whole chain, or cut off its end: note the last line's number and hash elsewhere (`head`; every backup does) and verify
+against them. Triggers refuse UPDATE and
+DELETE of lines besides.
+
+Rows that a database session adds, changes or removes are noted with it and written in its own transaction, whoever changes them: no caller can
+forget to. Names of what was changed are kept, never values: no line holds a pseudonym or a text, and a patient's number is given to nobody else
+after erasing.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, event, insert, inspect, select, text, update
+from sqlalchemy.orm import Session, sessionmaker
+
+from handscope.sessions.db.tables import (
+    Account,
+    AuditLine,
+    Base,
+    Correction,
+    Note,
+    Patient,
+    PatientSession,
+    RecordingFile,
+    Result,
+    Reuse,
+    SelfCalibration,
+    now,
+)
+
+SERVER = "server"  # who, where no account asked for it
+NOTHING = "0" * 64  # before the first line
+LOCK = 0x61756469  # of PostgreSQL's advisory locks; any number that nobody else uses
+LONGEST = 64  # characters of a reference
+KINDS: Mapping[type[Base], str] = {
+    Patient: "patient",
+    Note: "note",
+    PatientSession: "session",
+    RecordingFile: "recording",
+    Correction: "correction",
+    SelfCalibration: "self_calibration",
+    Reuse: "reuse",
+    Result: "result",
+    Account: "account",
+}
+BY_ITSELF: Mapping[type[Base], frozenset[str]] = {  # what changes as the work goes on, without anybody's wish
+    Patient: frozenset({"version"}),
+    Note: frozenset({"version"}),
+    PatientSession: frozenset({"state", "finished", "version"}),
+    RecordingFile: frozenset({"sha256", "bytes", "summary"}),
+    Result: frozenset(column.key for column in Result.__table__.columns),
+}
+
+
+@dataclass(frozen=True)
+class Happened:
+    """What a line is about."""
+
+    what: str  # viewed, created, changed, exported, erased, logged in, logged out, refused
+    kind: str  # patient, session, ..., account, login
+    ref: str = ""  # its number
+    patient: int | None = None
+    counts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What verifying found."""
+
+    lines: int  # that hold, from the first on
+    last: str  # hash of the last of them
+    broken: str = ""  # the first that does not, and how
+    back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
+
+
+def keep(database: sessionmaker[Session]) -> None:
+    """From now on every commit of this database is audited."""
+    event.listen(database, "after_flush", _notice)
+    event.listen(database, "before_commit", _write)
+    event.listen(database, "after_rollback", _forget)
+
+
+def by(db: Session, who: str, address: str) -> None:
+    """Say on whose behalf this database session works."""
+    db.info.update(who=who, address=address)
+
+
+def tell(db: Session, *happened: Happened) -> None:
+    """Note what is no change of a row; it is written with the next commit."""
+    db.info.setdefault("audit", []).extend(happened)
+
+
+def lines(
+    db: Session, who: str = "", what: str = "", patient: int | None = None, before: int | None = None, limit: int = 100
+) -> list[AuditLine]:
+    """The newest first; `before` a line's number, to go on from there."""
+    query = select(AuditLine).order_by(AuditLine.id.desc()).limit(limit)
+    for column, value in ((AuditLine.who, who), (AuditLine.what, what), (AuditLine.patient, patient)):
+        if value:
+            query = query.where(column == value)
+    return list(db.scalars(query.where(AuditLine.id < before) if before else query))
+
+
+def verified(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
+    """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
+    number, last, noted, before, back = 0, NOTHING, dict(against), None, 0
+    for line in db.execute(select(AuditLine.__table__).order_by(AuditLine.id).execution_options(yield_per=1000)).mappings():
+        number += 1
+        if line["id"] != number:
+            return Verdict(number - 1, last, f"line {number} is missing")
+        if line["previous"] != last:
+            return Verdict(number - 1, last, f"line {number} does not follow line {number - 1}: one of them was exchanged")
+        if line["hash"] != hash_of(line):
+            return Verdict(number - 1, last, f"line {number} was changed")
+        if noted.pop(number, line["hash"]) != line["hash"]:
+            return Verdict(number - 1, last, f"line {number} has another hash than was noted: the trail was written anew up to there")
+        if before is not None and line["at"] < before and not back:
+            back = number
+        last, before = line["hash"], line["at"]
+    if noted:
+        return Verdict(number, last, f"line {min(noted)} was noted and is missing: the trail was cut off after line {number}")
+    if number == 0 and db.scalar(select(Account.id).limit(1)) is not None:  # making an account is told
+        return Verdict(0, NOTHING, "no line is there, though there are accounts: the trail was emptied")
+    return Verdict(number, last, back=back)
+
+
+def head(connection: Connection) -> tuple[int, str] | None:
+    """Number and hash of the last line, to be noted elsewhere; None where there is none, or the database is from before the chain."""
+    found = inspect(connection)
+    if not found.has_table("audit") or "hash" not in {column["name"] for column in found.get_columns("audit")}:
+        return None
+    last = connection.execute(text("SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1")).first()
+    return (int(last.id), str(last.hash)) if last else None
+
+
+def hash_of(line: Mapping[Any, Any]) -> str:
+    """SHA-256 of everything a line says and of its predecessor's hash."""
+    at: datetime = line["at"]
+    names = ("id", "who", "address", "what", "kind", "ref", "patient", "counts", "previous")
+    told = {**{name: line[name] for name in names}, "at": at.astimezone(UTC).isoformat(timespec="microseconds")}
+    return hashlib.sha256(json.dumps(told, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def whose(db: Session, happened: Happened) -> Happened:
+    """The same with the patient whom it is about."""
+    if not happened.ref.isdecimal():
+        return happened
+    return replace(happened, patient=patient_of(db, happened.kind, int(happened.ref)))
+
+
+def patient_of(db: Session, kind: str, number: int) -> int | None:
+    """Whose a session, recording, result, note or correction is."""
+    of_session = select(PatientSession.patient_id)
+    queries = {
+        "patient": select(Patient.id).where(Patient.id == number),
+        "note": select(Note.patient_id).where(Note.id == number),
+        "session": of_session.where(PatientSession.id == number),
+        "recording": of_session.join(RecordingFile).where(RecordingFile.id == number),
+        "correction": of_session.join(RecordingFile).join(Correction).where(Correction.id == number),
+        "self_calibration": select(SelfCalibration.patient_id).where(SelfCalibration.id == number),
+        "reuse": of_session.join(Reuse).where(Reuse.id == number),
+        "result": of_session.join(RecordingFile).join(Result).where(Result.id == number),
+    }
+    return db.scalar(queries[kind]) if kind in queries else None
+
+
+def _notice(db: Session, _: object) -> None:
+    """After a flush: what it added, changed and removed. Removing a patient takes everything with it and is told by who does it."""
+    found = [("created", row, ()) for row in db.new] + [("changed", row, _fields(row)) for row in db.dirty]
+    if not any(isinstance(row, Patient) for row in db.deleted):
+        found += [("erased", row, ()) for row in db.deleted]
+    noted = [(what, KINDS[type(row)], row.id, names) for what, row, names in found if type(row) in KINDS and (what != "changed" or names)]
+    db.info.setdefault("rows", []).extend(noted)
+
+
+def _fields(row: object) -> tuple[str, ...]:
+    """Columns of a row that a person changed."""
+    if not isinstance(row, Base) or type(row) not in KINDS:
+        return ()
+    state, own = inspect(row), BY_ITSELF.get(type(row), frozenset())
+    return tuple(a.key for a in state.mapper.column_attrs if a.key not in own and state.attrs[a.key].history.has_changes())
+
+
+def _write(db: Session) -> None:
+    """Before a commit: everything noted, in the same transaction."""
+    db.flush()
+    happened = [*_of_rows(db), *db.info.get("audit", ())]
+    _forget(db)
+    if happened:
+        _append(db, happened)
+
+
+def _of_rows(db: Session) -> Iterator[Happened]:
+    for what, kind, number, names in db.info.get("rows", ()):
+        yield Happened(what, kind, str(number), patient_of(db, kind, number), {"fields": list(names)} if names else {})
+
+
+def _append(db: Session, happened: Sequence[Happened]) -> None:
+    """Nobody else appends between the reading of the last line and the commit."""
+    if db.get_bind().dialect.name == "postgresql":
+        db.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": LOCK})
+    else:  # SQLite has one writer: this takes its lock, though it changes nothing
+        db.execute(update(AuditLine.__table__).where(AuditLine.id < 0).values(ref=""))  # type: ignore[arg-type]
+    last, previous = db.execute(select(AuditLine.id, AuditLine.hash).order_by(AuditLine.id.desc()).limit(1)).first() or (0, NOTHING)
+    who, address, moment, rows = db.info.get("who", SERVER), db.info.get("address", ""), now(), []
+    for number, one in enumerate(happened, last + 1):
+        about = {"what": one.what, "kind": one.kind, "ref": one.ref[:LONGEST], "patient": one.patient, "counts": dict(one.counts)}
+        row = {"id": number, "at": moment, "who": who, "address": address, **about, "previous": previous}
+        previous = row["hash"] = hash_of(row)
+        rows.append(row)
+    db.execute(insert(AuditLine), rows)
+
+
+def _forget(db: Session) -> None:
+    db.info.pop("audit", None)
+    db.info.pop("rows", None)

@@ -1,0 +1,36 @@
+"""How high above the hips the trunk's sensor was worn, told afterwards: it counts in place of what the recording tells, which never changes.
+
+Applied     to the tasks of an opened recording (`applied`): a result names the height that it was computed with and is a function of it
+"""
+
+from dataclasses import replace
+
+from handscope.estimators.data.samples import TRUNK
+from handscope.estimators.errors import InputError
+from handscope.estimators.measures.trunk_displacement import LEAST, MOST
+from handscope.sessions.db.tables import PatientSession
+from handscope.sessions.files.recording import LoadedRecording
+
+
+def require_height(height: float) -> None:
+    """InputError where it cannot be one, m."""
+    if not LEAST <= height <= MOST:
+        raise InputError(
+            f"the trunk's sensor {height:g} m above the hips is outside {LEAST:g} to {MOST:g} m; measure it from the hip joint, sitting"
+        )
+
+
+def require_worn(session: PatientSession) -> None:
+    """InputError where the height of this session cannot be told, or would change nothing."""
+    if session.state == "open":
+        raise InputError("the session is being measured; correct the height of the trunk's sensor when it is finished")
+    if not any(TRUNK in stream["sensors"] for file in session.recordings for stream in file.summary.get("streams", ())):
+        raise InputError("the recording has no sensor on the trunk; there is no height to correct")
+
+
+def applied(recording: LoadedRecording, height: float | None) -> LoadedRecording:
+    """The recording whose tasks tell this height, m; as it is where none was told afterwards."""
+    if height is None:
+        return recording
+    events = (replace(e, details={**e.details, "trunk_height": height}) if e.trial_type == "task" else e for e in recording.events)
+    return replace(recording, events=tuple(events))

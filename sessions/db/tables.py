@@ -1,0 +1,311 @@
+"""The database's tables: patients under pseudonyms, their sessions, recordings, results and jobs. Samples are files, never rows.
+
+NEVER_AGAIN  the number of a row that was erased is not given again: a page that still shows the old one, or a file left behind, must not meet another patient
+"""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import JSON, DateTime, ForeignKey, String, TypeDecorator, UniqueConstraint
+from sqlalchemy.engine import Dialect
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+NEVER_AGAIN = {"sqlite_autoincrement": True}
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """Times with a zone on every database: SQLite forgets the zone, so UTC is stored and given back."""
+
+    impl = DateTime
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.astimezone(UTC).replace(tzinfo=None)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.replace(tzinfo=UTC)
+
+
+class Base(DeclarativeBase):
+    type_annotation_map = {datetime: UtcDateTime, dict[str, Any]: JSON, list[Any]: JSON, str: String}  # noqa: RUF012  SQLAlchemy's form
+
+
+def now() -> datetime:
+    return datetime.now(UTC)
+
+
+class Patient(Base):
+    __tablename__ = "patient"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    pseudonym: Mapped[str] = mapped_column(String(64), unique=True)
+    year_of_birth: Mapped[int | None]
+    dominant_hand: Mapped[str | None] = mapped_column(String(5))
+    affected_hand: Mapped[str | None] = mapped_column(String(5))
+    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # HandGeometry by hand: {"left": {...}, "right": {...}}
+    trunk_height: Mapped[float | None]  # m, of the trunk's sensor above the axis of the hips
+    archived: Mapped[bool] = mapped_column(default=False)
+    created: Mapped[datetime] = mapped_column(default=now)
+    version: Mapped[int] = mapped_column(default=1)  # counts changes: two editors at once are noticed
+
+    sessions: Mapped[list["PatientSession"]] = relationship(
+        back_populates="patient", cascade="all, delete-orphan", order_by="PatientSession.started.desc()"
+    )
+    notes: Mapped[list["Note"]] = relationship(cascade="all, delete-orphan", order_by="Note.id.desc()")
+    self_calibrations: Mapped[list["SelfCalibration"]] = relationship(cascade="all, delete-orphan", order_by="SelfCalibration.id.desc()")
+
+    __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
+
+
+class Note(Base):
+    """A note on a patient, with its day. A removed one can be brought back until it is purged (sessions/clinic/notes.py)."""
+
+    __tablename__ = "note"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    text: Mapped[str]
+    written: Mapped[datetime] = mapped_column(default=now)
+    removed: Mapped[datetime | None]
+    version: Mapped[int] = mapped_column(default=1)
+
+    __mapper_args__ = {"version_id_col": version}  # noqa: RUF012  SQLAlchemy's form
+
+
+class PatientSession(Base):
+    """One visit: a hand measured, live or from an uploaded recording."""
+
+    __tablename__ = "session"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    hand: Mapped[str] = mapped_column(String(5))
+    state: Mapped[str] = mapped_column(String(16), default="open", index=True)  # open (being recorded), recorded, processed, failed
+    started: Mapped[datetime] = mapped_column(default=now)
+    recorded_as: Mapped[datetime | None]  # what the clock said, where it was wrong and `started` was corrected
+    date_reason: Mapped[str] = mapped_column(default="", server_default="")  # of that correction
+    finished: Mapped[datetime | None]
+    examiner: Mapped[str] = mapped_column(default="")
+    notes: Mapped[str] = mapped_column(default="")
+    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)  # hand measures of this session, as HandGeometry
+    trunk_height: Mapped[float | None]  # m, the patient's when the session began
+    trunk_corrected: Mapped[
+        float | None
+    ]  # m, told afterwards: counts in place of what the recording tells (sessions/clinic/trunk_height.py)
+    version: Mapped[int] = mapped_column(
+        default=1, server_default="1"
+    )  # counts what people changed (sessions/store/visit_facts.py), nothing else
+
+    patient: Mapped[Patient] = relationship(back_populates="sessions")
+    recordings: Mapped[list["RecordingFile"]] = relationship(
+        back_populates="session", cascade="all, delete-orphan", order_by="RecordingFile.id"
+    )
+    reuses: Mapped[list["Reuse"]] = relationship(cascade="all, delete-orphan", order_by="Reuse.id")
+
+
+class RecordingFile(Base):
+    """A recording on the disk: its file never changes once it is closed."""
+
+    __tablename__ = "recording"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
+    format: Mapped[str] = mapped_column(String(16))  # native, motion-bids
+    file: Mapped[str]  # relative to the data folder
+    original_name: Mapped[str] = mapped_column(default="")
+    sha256: Mapped[str | None] = mapped_column(String(64))  # None while it is being written
+    bytes: Mapped[int] = mapped_column(default=0)
+    added: Mapped[datetime] = mapped_column(default=now)
+    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)  # duration, streams, losses, warnings: for lists without opening the file
+
+    session: Mapped[PatientSession] = relationship(back_populates="recordings")
+    corrections: Mapped[list["Correction"]] = relationship(
+        back_populates="recording", cascade="all, delete-orphan", order_by="Correction.id"
+    )
+    results: Mapped[list["Result"]] = relationship(back_populates="recording", cascade="all, delete-orphan", order_by="Result.id.desc()")
+
+
+class Correction(Base):
+    """A trial or a stretch of it that a person took out of the figures, or moved, and why (sessions/clinic/corrections.py). Never removed, only undone."""
+
+    __tablename__ = "correction"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    event: Mapped[int]  # which of the recording's events, from 0
+    kind: Mapped[str] = mapped_column(String(16))  # exclude, move, leave_out
+    onset: Mapped[float]  # s of the recording
+    end: Mapped[float]
+    reason: Mapped[str]
+    made: Mapped[datetime] = mapped_column(default=now)
+    undone: Mapped[datetime | None]
+
+    recording: Mapped[RecordingFile] = relationship(back_populates="corrections")
+
+
+class SelfCalibration(Base):
+    """What self-calibration found of a hand and a glove in one stretch of free movement (sessions/clinic/self_calibrations.py). Never edited, only withdrawn."""
+
+    __tablename__ = "self_calibration"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    hand: Mapped[str] = mapped_column(String(5))
+    glove: Mapped[str] = mapped_column(String(200), default="")  # its number; "" where the recording does not tell it
+    onset: Mapped[float]  # s of the recording
+    end: Mapped[float]
+    version: Mapped[str] = mapped_column(String(32))  # of the program
+    found: Mapped[dict[str, Any]] = mapped_column(default=dict)  # lengths, seats, biases with standard deviations (derivative.py), SI
+    told: Mapped[list[Any]] = mapped_column(default=list)  # what it says of itself, in sentences
+    kept: Mapped[datetime] = mapped_column(default=now)
+    withdrawn: Mapped[datetime | None]  # it is not offered any more
+
+    recording: Mapped[RecordingFile] = relationship()
+
+
+class Reuse(Base):
+    """What a session takes over of an earlier self-calibration, as a person decided it. A row a decision, the newest counts."""
+
+    __tablename__ = "reuse"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    session_id: Mapped[int] = mapped_column(ForeignKey("session.id", ondelete="CASCADE"), index=True)
+    self_calibration_id: Mapped[int | None] = mapped_column(ForeignKey("self_calibration.id", ondelete="CASCADE"), index=True)
+    parts: Mapped[str] = mapped_column(String(20))  # nothing, lengths, lengths_and_seats
+    made: Mapped[datetime] = mapped_column(default=now)
+
+    self_calibration: Mapped[SelfCalibration | None] = relationship()
+
+
+class Result(Base):
+    """What a method gave: a function of (recording, corrections, trunk's height, reuse, method, parameters, version), recomputed at will, never edited."""
+
+    __tablename__ = "result"
+    __table_args__ = (UniqueConstraint("recording_id", "key", name="one_result_a_key"), NEVER_AGAIN)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    recording_id: Mapped[int] = mapped_column(ForeignKey("recording.id", ondelete="CASCADE"), index=True)
+    key: Mapped[str] = mapped_column(String(64))  # sha256 of method, parameters, geometry, corrections and version
+    method: Mapped[str] = mapped_column(String(32))
+    parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")  # that it was computed with
+    reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")  # of an earlier self-calibration; empty: nothing
+    trunk_height: Mapped[float | None]  # m, in place of what the recording tells; None: as the recording tells it
+    version: Mapped[str] = mapped_column(String(32))
+    created: Mapped[datetime] = mapped_column(default=now)
+    state: Mapped[str] = mapped_column(String(16), default="queued")  # queued, running, done, failed
+    attempts: Mapped[int] = mapped_column(default=0, server_default="0")  # how often its computation was begun
+    progress: Mapped[float] = mapped_column(default=0.0)
+    error: Mapped[str] = mapped_column(default="")
+    figures: Mapped[list[Any]] = mapped_column(default=list)
+    content: Mapped[dict[str, Any]] = mapped_column(default=dict)  # tasks with their details and curves thinned for pages
+    warnings: Mapped[list[Any]] = mapped_column(default=list)
+
+    recording: Mapped[RecordingFile] = relationship(back_populates="results")
+
+
+class Repeatability(Base):
+    """How far a figure comes out alike when measured again: derived from results, never edited (sessions/clinic/repeatability.py). SI units.
+
+    Of one patient (device is ""), or of one glove over all patients who wore it (patient is None).
+    """
+
+    __tablename__ = "repeatability"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    patient_id: Mapped[int | None] = mapped_column(ForeignKey("patient.id", ondelete="CASCADE"), index=True)
+    device: Mapped[str] = mapped_column(String(200), default="", index=True)  # the glove's number
+    hand: Mapped[str] = mapped_column(String(5))
+    method: Mapped[str] = mapped_column(String(32))
+    parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    measure: Mapped[str] = mapped_column(String(32))
+    task: Mapped[str]
+    name: Mapped[str] = mapped_column(String(64))  # of the figure: index_pip_flexion_max
+    unit: Mapped[str] = mapped_column(String(16))
+    sem: Mapped[float]
+    mdc95: Mapped[float]
+    mdc95_low: Mapped[float]  # ends of the 95 % interval
+    mdc95_high: Mapped[float]
+    icc: Mapped[float | None]  # ICC(2,1); None where fewer than two people were measured again
+    icc_low: Mapped[float | None]
+    icc_high: Mapped[float | None]
+    people: Mapped[int]
+    sessions: Mapped[int]
+    freedom: Mapped[int]  # degrees of freedom of the SEM
+    results: Mapped[list[Any]] = mapped_column(default=list)  # ids that it comes from
+    computed: Mapped[datetime] = mapped_column(default=now)
+
+
+class AuditLine(Base):
+    """Who did what, when; each line is chained to the one before (sessions/clinic/audit.py)."""
+
+    __tablename__ = "audit"
+
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)  # from 1 on, without a gap
+    at: Mapped[datetime]
+    who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
+    address: Mapped[str] = mapped_column(String(64))  # where the request came from
+    what: Mapped[str] = mapped_column(String(64))  # viewed, created, changed, exported, erased, logged in, refused
+    kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
+    ref: Mapped[str] = mapped_column(String(64))  # its number
+    patient: Mapped[int | None] = mapped_column(index=True)  # whose it is: a number that no other patient gets
+    counts: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
+    previous: Mapped[str] = mapped_column(String(64))
+    hash: Mapped[str] = mapped_column(String(64))
+
+
+class ErasedFile(Base):
+    """A file that must go: its rows are gone, or it is an upload whose rows are not there yet; the next start finishes what a power cut interrupted."""
+
+    __tablename__ = "erased_file"
+
+    file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
+
+
+class Account(Base):
+    """Who may log in, and as what (sessions/clinic/accounts.py)."""
+
+    __tablename__ = "account"
+    __table_args__ = NEVER_AGAIN
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str] = mapped_column(String(64), unique=True)
+    roles: Mapped[list[Any]] = mapped_column(default=list)  # of accounts.ROLES
+    password: Mapped[str | None] = mapped_column(String(200))  # argon2id hash with its parameters; None: one-time codes or single sign-on
+    subject: Mapped[str | None] = mapped_column(String(400), unique=True)  # issuer and subject, of an account of single sign-on
+    disabled: Mapped[bool] = mapped_column(default=False)
+    created: Mapped[datetime] = mapped_column(default=now)
+
+    logins: Mapped[list["Login"]] = relationship(back_populates="account", cascade="all, delete-orphan")
+
+
+class Login(Base):
+    """A browser that has logged in: the hash of its cookie."""
+
+    __tablename__ = "login"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    token_hash: Mapped[str] = mapped_column(String(64), unique=True)
+    account_id: Mapped[int] = mapped_column(ForeignKey("account.id", ondelete="CASCADE"), index=True)
+    created: Mapped[datetime] = mapped_column(default=now)
+    seen: Mapped[datetime] = mapped_column(default=now)
+
+    account: Mapped[Account] = relationship(back_populates="logins", lazy="joined")
+
+
+class Attempt(Base):
+    """A try of a password, counted before it was checked (sessions/store/logins.py)."""
+
+    __tablename__ = "attempt"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(String(64), index=True)  # hash of the account's name or of the address
+    at: Mapped[datetime] = mapped_column(default=now)

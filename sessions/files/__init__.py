@@ -1,0 +1,1 @@
+"""Recordings as files: the native format, its recorder and reader, object storage."""

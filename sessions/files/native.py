@@ -1,0 +1,182 @@
+"""Read a native recording, whole or cut anywhere, and say what it holds and what was cut."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.records import Message
+
+from handscope.estimators.data.magnet_declaration import plate_from
+from handscope.estimators.data.samples import Block, Event, join
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
+from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.sessions.files.recorder import FORMAT_VERSION
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.files.recording_file import Findings, messages
+from handscope.sessions.tables_io import force_calibrations
+from handscope.sessions.wire.assembly import Assembler
+from handscope.sessions.wire.messages import Identity
+
+SUFFIX = ".mcap"
+TOGETHER = 1000  # pieces of the wire taken at a time
+
+
+@dataclass
+class Contents:
+    """The messages of a file in order, as far as it can be read."""
+
+    wire: list[tuple[float, bytes]] = field(default_factory=list)  # (arrival s, bytes)
+    events: dict[str, Event] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
+    file: Findings = field(default_factory=Findings)
+
+
+def read(path: Path) -> Contents:
+    """Everything in the file up to its end, its cut or its damage; InputError where it is no recording of ours."""
+    contents = Contents()
+    try:
+        with path.open("rb") as file:
+            for topic, message in messages(file, contents.file):
+                _keep(contents, topic, message)
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+    except (ValueError, TypeError, KeyError):
+        raise InputError(f"{path.name} holds an event or metadata that is not Handscope's; it cannot be opened as a recording") from None
+    version = contents.metadata.get("format_version", FORMAT_VERSION if contents.wire else None)
+    if version is None:
+        what = "was cut before anything was recorded" if contents.file.ours else f"is no Handscope recording (they end in {SUFFIX})"
+        raise InputError(f"{path.name} {what}; there is nothing to open")
+    if not isinstance(version, int) or version > FORMAT_VERSION:
+        raise InputError(f"{path.name} has recording format {version}, this program reads up to {FORMAT_VERSION}; use a newer version")
+    return contents
+
+
+def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRecording:
+    """Open a recording: decode its wire bytes as the live view did; `hand` where neither recording nor glove says it.
+
+    With `correct` false the samples are what the sensors read, not corrected by their strips' calibrations.
+    """
+    contents = read(path)
+    kept = force_calibrations.of_recording(contents.metadata)
+    assembler, parts = Assembler(correct=correct, exchanged=_exchanged(contents.metadata), kept_forces=kept), _Parts()
+    for k in range(0, len(contents.wire), TOGETHER):
+        parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
+    side = _hand(contents.metadata, assembler.identity, hand)
+    geometry = sized(side, measures_from(contents.metadata.get("geometry") or {}))
+    mounting = assembler.mounting | {name: np.asarray(q, dtype=float) for name, q in dict(contents.metadata.get("mounting") or {}).items()}
+    return LoadedRecording(
+        side,
+        geometry,
+        mounting,
+        parts.joined(),
+        tuple(sorted([*contents.events.values(), *assembler.marks], key=lambda e: e.onset)),
+        warnings=tuple(_warnings(contents, assembler)),
+        start_utc=contents.metadata.get("start_utc"),
+        checksum=file_checksum(path),
+        source=_source(contents.metadata, assembler.identity),
+        losses={name: count.lost for name, count in assembler.counts.items()},
+        strip_ids={point: f"{strip.strip_id:x}" for strip in assembler.strips.values() for point in strip.points},
+        plate=plate_from(contents.metadata.get("magnet_setup") or {}) or assembler.plate,
+    )
+
+
+def file_checksum(path: Path) -> str:
+    """sha256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+class _Parts:
+    """Blocks by stream; a stream whose description changes goes on under a name of its own."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[str, list[Block]] = {}
+
+    def add(self, blocks: list[Block]) -> None:
+        for block in blocks:
+            name, k = block.stream.name, 2
+            while name in self._blocks and self._blocks[name][0].stream != block.stream:
+                name, k = f"{block.stream.name}-{k}", k + 1
+            self._blocks.setdefault(name, []).append(block)
+
+    def joined(self) -> dict[str, Block]:
+        return {name: _named(join(blocks), name) for name, blocks in self._blocks.items()}
+
+
+def _named(block: Block, name: str) -> Block:
+    if block.stream.name == name:
+        return block
+    return replace(block, stream=replace(block.stream, name=name))
+
+
+def _keep(contents: Contents, topic: str, message: Message) -> None:
+    if topic == "wire":
+        contents.wire.append((message.publish_time * 1e-9, message.data))
+    elif topic == "metadata":
+        contents.metadata |= json.loads(message.data)
+    elif topic == "event":
+        value = json.loads(message.data)
+        name = value.pop("id")
+        if value.pop("retracted", False):
+            contents.events.pop(name, None)
+        else:
+            contents.events[name] = Event(**value)
+
+
+def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand | None) -> Hand:
+    said = {
+        source: hand
+        for source, hand in (("the recording", metadata.get("hand")), ("the glove", identity.hand if identity else None))
+        if hand in HANDS
+    }
+    if len(set(said.values())) > 1:
+        raise InputError(
+            f"the recording says {said['the recording']} hand, the glove says {said['the glove']}; connect the other glove or change the session's hand"
+        )
+    for hand in HANDS:
+        if hand in said.values():
+            if wanted not in (None, hand):
+                raise InputError(
+                    f"the recording is of the {hand} hand, not of the {wanted} one; choose the other hand or the other recording"
+                )
+            return hand
+    if wanted is None:
+        raise InputError("neither the recording nor the glove says which hand it is; give --hand left or --hand right")
+    return wanted
+
+
+def _exchanged(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """The fingers that strips were found to be on, by the finger that each says."""
+    told = dict(metadata.get("exchanged_strips") or {})
+    return {str(f): str(on) for f, on in told.items() if f in FINGERS and on in FINGERS and f != on}
+
+
+def _warnings(contents: Contents, assembler: Assembler) -> Iterator[str]:
+    if not contents.file.finished:
+        yield f"the recording was not closed: it is whole up to its last flush, {contents.file.unread} bytes behind it could not be read"
+    if ended := contents.metadata.get("ended"):
+        yield str(ended)
+    if contents.file.damaged:
+        yield f"{contents.file.damaged} pieces of the recording are damaged and were left out"
+    c = assembler.counters
+    if c.lost or c.corrupt:
+        yield f"on the wire {c.lost} frames were lost and {c.corrupt} damaged, of {c.frames + c.lost}"
+    if dropped := assembler.undescribed + assembler.waiting:
+        yield f"{dropped} bursts of samples were left out: the glove never said what they are"
+    if assembler.replaced:
+        yield "another glove was plugged in during the recording: a calibration holds for the glove that it was made with"
+    for finger, on in assembler.exchanged.items():
+        yield f"the strip of the {finger} finger was worn on the {on} finger and is read as that".replace("thumb finger", "thumb")
+    for name, count in assembler.counts.items():
+        if count.lost:
+            yield f"stream {name}: {count.lost} of {count.samples + count.lost} samples were lost"
+
+
+def _source(metadata: Mapping[str, Any], identity: Identity | None) -> dict[str, Any]:
+    device = {"device": identity.name, "device_id": f"{identity.device_id:016x}", "firmware": identity.firmware} if identity else {}
+    return {"format": "native", "software": metadata.get("software", ""), "port": metadata.get("port", ""), **device}

@@ -1,0 +1,149 @@
+"""Closed files of a data folder kept under a URL: `s3://bucket/folder`, or any other that fsspec opens.
+
+A place belongs to one data folder: both hold the same mark, and two folders never share one. Objects have the names that the files have in the data
+folder (`recordings/...`, `results/...`). Address and keys of the storage come from its own library's variables (AWS_ENDPOINT_URL_S3,
+AWS_ACCESS_KEY_ID, ...): nothing of ours holds a secret.
+"""
+
+import contextlib
+import hashlib
+import json
+import uuid
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.tables_io.writing import save_file
+
+MARK = "object-storage.json"
+PIECE = 2**20
+OPTIONS: dict[str, dict[str, Any]] = {  # by protocol
+    "s3": {"config_kwargs": {"connect_timeout": 5, "read_timeout": 30, "retries": {"max_attempts": 2}}, "use_listings_cache": False},
+    "file": {"auto_mkdir": True},
+}
+
+
+@dataclass(frozen=True)
+class ObjectStorage:
+    """The place of one data folder's files."""
+
+    url: str
+    folder: str  # which data folder's: the number in its mark
+
+
+class UnreachableError(InputError):
+    """The storage does not answer or refuses: nothing was changed, try again later."""
+
+
+def attached(folder: Path) -> ObjectStorage | None:
+    """The storage that a data folder's files are in, by its mark; None where they all lie in the folder."""
+    try:
+        return ObjectStorage(**json.loads((folder / MARK).read_bytes()))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError):
+        raise InputError(f"{folder / MARK} is damaged; it says where the recordings are: take it from a copy of the folder") from None
+
+
+def attach(folder: Path, url: str) -> ObjectStorage:
+    """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's."""
+    known = attached(folder)
+    if known is not None and known.url != url:
+        raise InputError(f"the recordings of {folder} are kept in {known.url}, not in {url}; to move them, restore a backup elsewhere")
+    if known is not None:
+        return known
+    _require_plain(url)
+    storage = ObjectStorage(url, uuid.uuid4().hex)
+    with _reached(storage) as (fs, root):
+        try:
+            found = fs.cat_file(f"{root}/{MARK}")
+        except FileNotFoundError:
+            fs.pipe_file(f"{root}/{MARK}", json.dumps({"handscope data folder": storage.folder}).encode())
+            found = None
+    if found is not None:
+        raise InputError(f"{url} holds the recordings of another data folder; give this one a folder of its own: {url}-2")
+    save_file(json.dumps(asdict(storage)).encode(), folder / MARK)
+    return storage
+
+
+def require(storage: ObjectStorage) -> None:
+    """UnreachableError where it does not answer, or where what answers is not the place that was attached."""
+    with _reached(storage) as (fs, root):
+        try:
+            whose = json.loads(fs.cat_file(f"{root}/{MARK}")).get("handscope data folder")
+        except (FileNotFoundError, ValueError, AttributeError):
+            whose = None
+    if whose != storage.folder:
+        raise UnreachableError(f"the object storage {storage.url} is not the one that the recordings were put into; was it emptied?")
+
+
+def put(storage: ObjectStorage, name: str, path: Path) -> str:
+    """Bring a file there; gives the SHA-256 of what lies there then, read back."""
+    with _reached(storage) as (fs, root):
+        fs.put_file(str(path), f"{root}/{name}")
+    total = hashlib.sha256()
+    for piece in pieces(storage, name):
+        total.update(piece)
+    return total.hexdigest()
+
+
+def pieces(storage: ObjectStorage, name: str) -> Iterator[bytes]:
+    """A file's bytes; FileNotFoundError where it is not there."""
+    with _reached(storage) as (fs, root), fs.open(f"{root}/{name}", "rb", block_size=4 * PIECE) as file:
+        while piece := file.read(PIECE):
+            yield piece
+
+
+def size(storage: ObjectStorage, name: str) -> int:
+    """Bytes of a file; FileNotFoundError where it is not there."""
+    with _reached(storage) as (fs, root):
+        return int(fs.size(f"{root}/{name}"))
+
+
+def names(storage: ObjectStorage, folder: str, begin: str = "") -> list[str]:
+    """The files in a folder there whose names begin so, as the data folder calls them."""
+    with _reached(storage) as (fs, root):
+        found = [path.removeprefix(root).lstrip("/") for path in fs.find(f"{root}/{folder}")]
+    return sorted(name for name in found if name.startswith(f"{folder}/{begin}"))
+
+
+def remove(storage: ObjectStorage, name: str) -> None:
+    """A file is gone from there, whether it was there or not."""
+    with _reached(storage) as (fs, root), contextlib.suppress(FileNotFoundError):
+        fs.rm_file(f"{root}/{name}")
+
+
+@contextlib.contextmanager
+def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
+    """The file system and our place on it; whatever goes wrong on the way there is UnreachableError, what is not there FileNotFoundError."""
+    try:
+        import fsspec
+    except ImportError:
+        raise InputError(f"{storage.url} needs a package: pip install 'handscope[s3]'") from None
+    protocol = storage.url.partition("://")[0]
+    try:
+        fs, root = fsspec.core.url_to_fs(storage.url, **OPTIONS.get(protocol, {}))
+        yield fs, root.rstrip("/")
+    except (InputError, FileNotFoundError):
+        raise
+    except ImportError as problem:
+        raise InputError(f"{storage.url} needs a package ({problem}): pip install 'handscope[s3]'") from None
+    except Exception as problem:  # each file system's library has errors of its own
+        raise UnreachableError(f"the object storage {storage.url} cannot be reached ({_words(problem)}); try again later") from problem
+
+
+def _words(problem: Exception) -> str:
+    """The first line of what a library says, without the query of an address."""
+    return (str(problem).strip().splitlines() or [type(problem).__name__])[0].partition("?")[0][:200]
+
+
+def _require_plain(url: str) -> None:
+    protocol, separator, place = url.partition("://")
+    if not (protocol and separator and place.strip("/")):
+        raise InputError(f"{url} is no place for recordings; name it like s3://bucket/folder")
+    if ":" in place.partition("@")[0] and "@" in place:
+        raise InputError(
+            "a password does not belong in the address of the recordings; for S3 set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+        )

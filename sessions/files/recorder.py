@@ -1,0 +1,154 @@
+"""Write a native recording: what the glove sent, as it came, before anything else happens to it.
+
+One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with their arrival times, `command` what was sent to the glove, `event` and
+`metadata` JSON. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
+every second. (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
+"""
+
+import contextlib
+import json
+import os
+import sys
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message
+from mcap.writer import MCAP0_MAGIC
+
+from handscope.estimators.data.events import Event
+
+if sys.platform != "win32":
+    import fcntl
+
+FORMAT_VERSION = 1
+SYNC_EVERY = 1.0  # s between syncs to the disk
+PROFILE = "handscope"
+CHANNELS = {
+    topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
+    for k, (topic, encoding) in enumerate(
+        {"wire": "handscope-wire", "command": "handscope-wire", "event": "json", "metadata": "json"}.items(), start=1
+    )
+}
+
+
+class Recorder:
+    """A recording being written: a context manager; leaving it finishes the file."""
+
+    def __init__(
+        self, path: Path, metadata: Mapping[str, Any], now: float, utc: datetime | None = None, file: IO[bytes] | None = None
+    ) -> None:
+        """`now` is the host's monotonic clock in s, the clock of every `arrival`; `file` replaces the opened path in tests."""
+        self._file = file if file is not None else _locked(path)
+        self._began, self._utc = now, utc or datetime.now(UTC)
+        self._synced = now
+        self._number = 0
+        self.bytes_written = 0
+        self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
+        self.metadata({"format_version": FORMAT_VERSION, "start_utc": self._utc.isoformat(), **metadata}, now)
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def write(self, chunk: bytes, arrival: float) -> None:
+        """Keep bytes that came from the glove; raises OSError when the disk does not take them."""
+        self._put("wire", chunk, arrival)
+
+    def command(self, sent: bytes, at: float) -> None:
+        """Keep bytes that were sent to the glove."""
+        self._put("command", sent, at)
+
+    def event(self, event_id: str, event: Event | None, at: float) -> None:
+        """Keep an event; the same id again replaces it, None takes it back. The earlier ones stay in the file."""
+        self._put("event", _json({"id": event_id, **(asdict(event) if event is not None else {"retracted": True})}), at)
+
+    def metadata(self, changed: Mapping[str, Any], at: float) -> None:
+        """Keep facts about the recording; a later value of a name replaces the earlier."""
+        self._put("metadata", _json(changed), at)
+
+    def sync(self) -> None:
+        """Everything so far is on the disk when this returns."""
+        self._file.flush()
+        if hasattr(self._file, "fileno"):
+            os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Finish the file and put it on the disk."""
+        if self._file.closed:
+            return
+        try:
+            self._file.write(_bytes_of(DataEnd(0), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MCAP0_MAGIC)
+            self.sync()
+        finally:
+            self._file.close()
+
+    def _put(self, topic: str, data: bytes, at: float) -> None:
+        utc = round(self._utc.timestamp() * 1e9 + (at - self._began) * 1e9)
+        channel = CHANNELS[topic]
+        message = Message(channel_id=channel.id, log_time=utc, data=data, publish_time=round(at * 1e9), sequence=self._number)
+        self._number = (self._number + 1) % 2**32
+        self._file.write(_chunk(_bytes_of(channel, message), utc))
+        self._file.flush()
+        self.bytes_written += len(data)
+        if at - self._synced >= SYNC_EVERY:
+            self._synced = at
+            self.sync()
+
+
+def being_written(path: Path) -> bool:
+    """Whether a recorder has the file open: one may outlive the server that started it. (Not told on Windows: there nobody else can open it.)"""
+    if sys.platform == "win32":
+        return False
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:  # a file system without locks
+            return False
+    return False
+
+
+def _locked(path: Path) -> IO[bytes]:
+    file = path.open("xb")
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
+
+
+def _chunk(records: bytes, utc: int) -> bytes:
+    return _bytes_of(
+        Chunk(
+            compression="zstd",
+            data=zstandard.compress(records),
+            message_start_time=utc,
+            message_end_time=utc,
+            uncompressed_crc=zlib.crc32(records),
+            uncompressed_size=len(records),
+        )
+    )
+
+
+def _bytes_of(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())
+
+
+def _json(value: Mapping[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=_plain).encode()
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else dict(value)

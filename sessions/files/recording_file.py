@@ -1,0 +1,133 @@
+"""The messages of a recorder's file in order, as far as they can be read: a cut or a flipped byte costs only the message that it hits.
+
+A record counts when its lengths agree and a chunk's CRC is right; behind one that does not, reading goes on at the next chunk that can be found.
+(mcap's own stream reader trusts every length that it meets: one flipped bit and the rest of the file is lost.)
+"""
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import IO, Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Header, Message
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC as MAGIC
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.files.recorder import CHANNELS, PROFILE
+
+LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
+LZ4_MOST = 255  # bytes that one of lz4 becomes at most
+RATIO, MOST = (
+    20,
+    4 * 2**30,
+)  # of unpacked to packed in a whole file, and bytes of it: a recorder's chunks hardly shrink, hours are less than a GB
+HEAD = 9  # bytes of a record before its content: opcode and length
+CHUNK_MARK, MARK_AT = b"\x04\0\0\0zstd", 37  # what stands in every chunk record of a recorder, and where
+SIZES = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
+
+
+@dataclass
+class Findings:
+    """What reading a file found out about it."""
+
+    ours: bool = False  # a recorder began the file
+    finished: bool = False  # and closed it
+    damaged: int = 0  # messages missing within it
+    unread: int = 0  # bytes behind the last good record
+
+
+def messages(file: IO[bytes], found: Findings) -> Iterator[tuple[str, Message]]:
+    """Messages with their topics; `found` is complete when they have been gone through."""
+    size, number, failed = file.seek(0, os.SEEK_END), 0, 0
+    topics: dict[int, str] = {}
+    for inside in _records(file, size, found):
+        failed += inside is None
+        for record in inside or ():
+            if isinstance(record, Header):
+                found.ours = record.profile == PROFILE
+            elif isinstance(record, Channel) and record.topic in CHANNELS:
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and record.channel_id in topics:
+                missing = (record.sequence - number) % 2**32  # messages are numbered
+                found.damaged += missing if missing < 2**31 else 0
+                number, failed = record.sequence + 1, 0
+                yield topics[record.channel_id], record
+    found.damaged += failed if found.finished else 0
+
+
+def _records(file: IO[bytes], size: int, found: Findings) -> Iterator[list[Any] | None]:
+    """What each good record holds, None for one that is damaged."""
+    unpacked = 0
+    file.seek(0)
+    at: int | None = len(MAGIC) if file.read(len(MAGIC)) == MAGIC else _next_chunk(file, 0)
+    while at is not None and at < size:
+        opcode, end, inside = _record(file, at, size)
+        unpacked += sum(len(record.data) for record in inside or () if isinstance(record, Message))
+        if unpacked > min(RATIO * size, MOST) + LARGEST:
+            raise InputError(
+                f"the recording unpacks to more than {unpacked / 2**20:.0f} MB from {size / 2**20:.1f} MB; no glove sends that, it was not opened"
+            )
+        yield inside
+        if inside is None:
+            after = _next_chunk(file, at + 1)
+            at = after if after is not None or end is None else end
+        else:
+            assert end is not None
+            at, found.unread = end, size - end
+            if opcode == Opcode.FOOTER:
+                found.finished, found.unread = True, 0
+                return
+
+
+def _record(file: IO[bytes], at: int, size: int) -> tuple[int, int | None, list[Any] | None]:
+    """Opcode, where the next record begins (None where the length cannot be right) and what is inside (None where damaged)."""
+    file.seek(at)
+    head = file.read(HEAD)
+    if len(head) < HEAD:
+        return 0, None, None
+    opcode, length = struct.unpack("<BQ", head)
+    if length > LARGEST or at + HEAD + length > size or length != SIZES.get(opcode, length):
+        return opcode, None, None
+    try:
+        inside = _inside(opcode, file.read(length))
+    except Exception:  # damage can fail in any length, in the CRC, the decompressor or the parser: all mean the same
+        inside = None
+    return opcode, at + HEAD + length, inside
+
+
+def _inside(opcode: int, content: bytes) -> list[Any] | None:
+    stream = ReadDataStream(BytesIO(content))
+    if opcode == Opcode.CHUNK:
+        chunk = Chunk.read(stream)
+        if stream.count != len(content) or _unpacked_size(chunk) > LARGEST:
+            return None
+        return list(breakup_chunk(chunk, validate_crc=True))
+    if opcode == Opcode.HEADER:
+        header = Header.read(stream)
+        return [header] if stream.count == len(content) else None
+    return [] if opcode in list(Opcode) else None
+
+
+def _unpacked_size(chunk: Chunk) -> int:
+    """Bytes that the data may unpack to: a decompressor believes what the data says, were it more than there is memory."""
+    if chunk.compression == "zstd":
+        told = zstandard.frame_content_size(chunk.data)
+        return chunk.uncompressed_size if told < 0 else int(told)  # it does not say: then no more is unpacked than the chunk says
+    return LZ4_MOST * len(chunk.data) if chunk.compression == "lz4" else len(chunk.data)
+
+
+def _next_chunk(file: IO[bytes], start: int) -> int | None:
+    """Where the next chunk record begins at or behind `start`."""
+    file.seek(start)
+    window = b""
+    while piece := file.read(2**16):
+        window = window[-MARK_AT - len(CHUNK_MARK) :] + piece
+        if (k := window.find(CHUNK_MARK, MARK_AT)) >= 0:
+            return file.tell() - len(window) + k - MARK_AT
+    return None

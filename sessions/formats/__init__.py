@@ -1,0 +1,1 @@
+"""Recordings and tables of other programs, and the derivative that Handscope writes."""

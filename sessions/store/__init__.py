@@ -1,0 +1,1 @@
+"""The data folder: database and recordings together, backup, erasure, export of a patient."""

@@ -1,0 +1,339 @@
+"""Everything in the data folder as one checked file, made while the server runs, and back into an empty folder.
+
+A backup is a zip: `database.jsonl` (all rows at one moment, sessions/store/database_dump.py), the files of the data folder as they stood (recordings whose
+session was not finished end where they were then) and of its object storage, `manifest.json` with size and SHA-256 of each. One-time codes and logins
+are not in it, nor where the object storage is: what is restored lies in the new folder.
+"""
+
+import contextlib
+import hashlib
+import itertools
+import json
+import os
+import shutil
+import struct
+import time
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+from sqlalchemy import Connection, Engine, create_engine, text
+from sqlalchemy.exc import DBAPIError
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import audit
+from handscope.sessions.db.tables import now
+from handscope.sessions.files import object_storage
+from handscope.sessions.files.object_storage import MARK, ObjectStorage, attached
+from handscope.sessions.store import database_dump
+from handscope.sessions.store.database import FILE, RESTORING, connected, place_of
+from handscope.sessions.store.store import CACHE, PROBE, free_bytes
+
+FORMAT = "handscope backup"
+FORMAT_VERSION = 1
+DATABASE, MANIFEST = "database.jsonl", "manifest.json"
+PASSING = ("incoming", "tokens", "address", CACHE, MARK, FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", RESTORING)
+DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+)  # all that reading a damaged zip was seen to raise
+PIECE = 2**20
+TRIES = 3  # times that a backup is begun again because a patient was erased meanwhile
+
+
+@dataclass
+class Made:
+    """What went into a backup."""
+
+    files: dict[str, dict[str, Any]] = field(default_factory=dict)  # by name: bytes, sha256
+    problems: list[str] = field(default_factory=list)  # what was missing or is not what was kept
+    audit: tuple[int, str] | None = None  # number and hash of the audit trail's last line
+
+    @property
+    def bytes(self) -> int:
+        return sum(int(f["bytes"]) for f in self.files.values())
+
+
+def write(folder: Path, url: str | None, target: Path, software: str) -> Made:
+    """Back up the data folder into `target`, which is there only when it is whole; InputError where there is nothing to back up."""
+    if url is None and not (folder / FILE).is_file():
+        raise InputError(f"there is no Handscope data in {folder}; name the data folder with --data")
+    if target.exists():
+        raise InputError(f"{target} is there already; choose another name, backups are not overwritten")
+    if target.absolute().is_relative_to(folder.absolute()):
+        raise InputError(f"{target} lies inside the data folder; a backup belongs on another disk")
+    partial = target.with_name(f".{target.name}.partial")
+    engine = connected(folder, url)
+    try:
+        for _ in range(TRIES):
+            with os.fdopen(os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w+b") as out:
+                kept, made = _archived(engine, folder, software, out)
+                out.flush()
+                os.fsync(out.fileno())
+            with engine.connect() as connection:
+                erased = kept.keys() - _recordings(connection).keys()
+            if not erased:
+                _verified(partial)
+                os.replace(partial, target)
+                return made
+        raise InputError("patients were erased while the backup was made; make it again")
+    except OSError as problem:
+        raise InputError(f"{target} cannot be written: {problem.strerror}; no backup was made") from None
+    except DBAPIError as problem:
+        full = f"; the disk of {folder} is full: make a megabyte of room there" if free_bytes(folder) < PROBE else ""
+        raise InputError(f"the database {place_of(engine)} cannot be read ({problem.orig}){full}; no backup was made") from None
+    finally:
+        partial.unlink(missing_ok=True)
+        engine.dispose()
+
+
+def restore(source: Path, folder: Path, url: str | None = None, progress: Callable[[float], None] = lambda share: None) -> dict[str, Any]:
+    """Put a backup into an empty data folder (and an empty database); gives its manifest. InputError, and nothing stays, where that fails.
+
+    The database comes last and a mark lies in the folder until then: an interrupted restore cannot be taken for data.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} is not an empty folder; a backup is restored into an empty one, nothing was changed")
+    existed = folder.exists()
+    with _opened(source) as archive:
+        manifest = _manifest(archive, source)
+        engine = connected(folder, url) if url else create_engine(f"sqlite:///{folder / RESTORING}")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / RESTORING).touch()
+            _unpack(archive, manifest, folder, progress)
+            with archive.open(DATABASE) as lines:
+                _fill(engine, lines)
+            engine.dispose()
+            if url:
+                (folder / RESTORING).unlink()
+            else:
+                os.replace(folder / RESTORING, folder / FILE)
+        except BaseException as problem:
+            engine.dispose()
+            for leftover in folder.iterdir() if folder.exists() else ():
+                shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
+            if not existed:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            if isinstance(problem, OSError):
+                raise InputError(f"{folder} cannot be written: {problem.strerror}; nothing was restored") from None
+            if isinstance(problem, DBAPIError):
+                raise InputError(f"the database {place_of(engine)} refused the backup ({problem.orig}); nothing was restored") from None
+            raise
+    return manifest
+
+
+def check(source: Path) -> dict[str, Any]:
+    """Read a backup whole and compare every checksum; gives its manifest, InputError names the first file that is not as it was."""
+    with _opened(source) as archive:
+        manifest = _manifest(archive, source)
+        for name, told in manifest["files"].items():
+            _require(name, told, _read(archive, name))
+    return manifest
+
+
+def audit_head(source: Path) -> tuple[int, str]:
+    """Number and hash of the audit trail's last line as a backup noted them; InputError where it did not."""
+    with _opened(source) as archive:
+        noted = _manifest(archive, source).get("audit")
+    if not noted:
+        raise InputError(f"{source} notes no line of the audit trail: it was made by an earlier version, or of a trail without lines")
+    number, total = noted
+    return int(number), str(total)
+
+
+def _archived(engine: Engine, folder: Path, software: str, out: IO[bytes]) -> tuple[dict[str, str | None], Made]:
+    """Write the zip; gives the recordings that the database names, with their checksums, and what was put in."""
+    made, moment = Made(), now()
+    with zipfile.ZipFile(out, "w") as archive:
+        with _snapshot(engine) as connection:
+            recordings, made.audit = _recordings(connection), audit.head(connection)
+            _put(archive, made, DATABASE, database_dump.dump(connection), zipfile.ZIP_DEFLATED)
+        away = _answering(folder, made)
+        for name in sorted({*recordings, *_others(folder), *_moved_out(away)}):
+            try:
+                _put(archive, made, name, _kept(folder, away, name), zipfile.ZIP_STORED)
+            except FileNotFoundError:
+                if name in recordings and recordings[name] is not None:
+                    made.problems.append(f"{name} is missing in the data folder")
+                continue
+            if (sum_ := recordings.get(name)) is not None and made.files[name]["sha256"] != sum_:
+                made.problems.append(f"{name} is not what was recorded: its checksum was {sum_}")
+        told = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "software": software,
+            "made": moment.isoformat(),
+            "problems": made.problems,
+            "audit": made.audit,
+        }
+        archive.writestr(MANIFEST, json.dumps({**told, "files": made.files}, indent=1))
+    return recordings, made
+
+
+@contextlib.contextmanager
+def _snapshot(engine: Engine) -> Iterator[Connection]:
+    """A connection that sees the database as it is at this moment, while others go on writing."""
+    with engine.connect() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.exec_driver_sql("BEGIN")
+        else:
+            connection = connection.execution_options(isolation_level="REPEATABLE READ")
+        yield connection
+        connection.rollback()
+        if engine.dialect.name == "sqlite":  # what was erased meanwhile could not leave the log
+            connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def _recordings(connection: Connection) -> dict[str, str | None]:
+    """Names of the recordings' files with their checksums; None while one is being written."""
+    return {str(row.file): row.sha256 for row in connection.execute(text("SELECT file, sha256 FROM recording"))}
+
+
+def _others(folder: Path) -> Iterator[str]:
+    """Files of the data folder besides recordings, which the database names."""
+    for path in folder.rglob("*"):
+        name = path.relative_to(folder)
+        if path.is_file() and name.parts[0] not in (*PASSING, "recordings") and not path.name.endswith(".partial"):
+            yield name.as_posix()
+
+
+def _answering(folder: Path, made: Made) -> ObjectStorage | None:
+    """The object storage, where there is one; one that does not answer is a problem of the backup."""
+    away = attached(folder)
+    try:
+        if away is not None:
+            object_storage.require(away)
+    except InputError as problem:
+        made.problems.append(str(problem))
+        return None
+    return away
+
+
+def _moved_out(away: ObjectStorage | None) -> list[str]:
+    """Results that were moved into the object storage."""
+    return object_storage.names(away, "results") if away else []
+
+
+def _kept(folder: Path, away: ObjectStorage | None, name: str) -> Iterator[bytes]:
+    """A file's bytes from where it is: it may leave the folder for its cache, and that for good, at any moment."""
+    for place in (folder, folder / CACHE):
+        with contextlib.suppress(FileNotFoundError), (place / name).open("rb") as file:
+            yield from _pieces(file)
+            return
+    if away is None:
+        raise FileNotFoundError(name)
+    yield from object_storage.pieces(away, name)
+
+
+def _put(archive: zipfile.ZipFile, made: Made, name: str, pieces: Iterable[bytes], how: int) -> None:
+    entry = zipfile.ZipInfo(name, time.gmtime()[:6])
+    entry.compress_type, entry.external_attr = how, 0o600 << 16
+    total, size, each = hashlib.sha256(), 0, iter(pieces)
+    first = next(each, b"")  # what is not there is no entry
+    with archive.open(entry, "w", force_zip64=True) as file:
+        for piece in itertools.chain([first], each):
+            file.write(piece)
+            total.update(piece)
+            size += len(piece)
+    made.files[name] = {"bytes": size, "sha256": total.hexdigest()}
+
+
+def _verified(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        if (bad := archive.testzip()) is not None:
+            raise InputError(f"{bad} could not be read back from the backup; is the disk damaged? No backup was made")
+
+
+@contextlib.contextmanager
+def _opened(source: Path) -> Iterator[zipfile.ZipFile]:
+    try:
+        with zipfile.ZipFile(source) as archive:
+            yield archive
+    except DAMAGED as problem:
+        raise InputError(f"{source} is damaged or no backup ({problem}); nothing was restored") from None
+    except OSError as problem:  # also where a damaged directory points before the file's beginning
+        raise InputError(f"{source} cannot be read: {problem.strerror}; nothing was restored") from None
+
+
+def _manifest(archive: zipfile.ZipFile, source: Path) -> dict[str, Any]:
+    try:
+        manifest = json.loads(archive.read(MANIFEST))
+        known = manifest["format"] == FORMAT and DATABASE in manifest["files"]
+    except (KeyError, TypeError, ValueError):
+        known = False
+    if not known:
+        raise InputError(f"{source} is no backup made by Handscope")
+    if manifest["format_version"] > FORMAT_VERSION:
+        raise InputError(
+            f"{source} has backup format {manifest['format_version']}, this program reads up to {FORMAT_VERSION}; use a newer version"
+        )
+    return dict(manifest)
+
+
+def _unpack(archive: zipfile.ZipFile, manifest: dict[str, Any], folder: Path, progress: Callable[[float], None]) -> None:
+    """Files into their places, each compared with its checksum; the database's lines are only compared."""
+    home, done = folder.resolve(), 0
+    whole = max(1, sum(told["bytes"] for told in manifest["files"].values()))
+    for name, told in manifest["files"].items():
+        if name not in archive.namelist():
+            raise InputError(f"{name} is missing in the backup; nothing was restored")
+        path = (folder / name).resolve()
+        if not path.is_relative_to(home) or path == home / RESTORING:
+            raise InputError(f"{name!r} in the backup lies outside the data folder; nothing was restored")
+        if name == DATABASE:
+            _require(name, told, _read(archive, name))
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as target:
+                _require(name, told, _written(_read(archive, name), target))
+        done += told["bytes"]
+        progress(done / whole)
+
+
+def _fill(engine: Engine, lines: Iterable[bytes]) -> None:
+    """Rows into the database; checksums guard against accidents, not against somebody who made them to fit."""
+    try:
+        database_dump.load(engine, lines)
+    except (AttributeError, KeyError, StopIteration, TypeError) as problem:
+        raise InputError(
+            f"the rows in the backup are not those of a Handscope database ({type(problem).__name__} {problem}); nothing was restored"
+        ) from problem
+
+
+def _read(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:
+    """A file's bytes; BadZipFile also where the archive points outside itself, or its disk does not give them."""
+    try:
+        with archive.open(name) as file:
+            yield from _pieces(file)
+    except OSError as problem:
+        raise zipfile.BadZipFile(f"{name}: {problem.strerror}") from problem
+
+
+def _written(pieces: Iterable[bytes], target: IO[bytes]) -> Iterator[bytes]:
+    for piece in pieces:
+        target.write(piece)
+        yield piece
+    target.flush()
+    os.fsync(target.fileno())
+
+
+def _require(name: str, told: dict[str, Any], pieces: Iterable[bytes]) -> None:
+    total = hashlib.sha256()
+    for piece in pieces:
+        total.update(piece)
+    if total.hexdigest() != told["sha256"]:
+        raise InputError(f"{name} in the backup is not what was backed up: its checksum is another; nothing was restored")
+
+
+def _pieces(file: IO[bytes]) -> Iterator[bytes]:
+    while piece := file.read(PIECE):
+        yield piece

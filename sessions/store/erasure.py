@@ -1,0 +1,60 @@
+"""Erase a patient for good: rows, recordings, results and files. What stays is a line that says that something was erased, not whose it was.
+
+Rows and the list of files go in one transaction, then the files: a power cut in between is finished by the next start. Files in an object storage,
+which must answer, go with its next round. SQLite overwrites what it deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
+"""
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session, selectinload
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import audit, patients
+from handscope.sessions.db.tables import AuditLine, ErasedFile, Patient, PatientSession, RecordingFile, Result
+from handscope.sessions.files import object_storage
+from handscope.sessions.store import stored_files
+from handscope.sessions.store.store import Store, remove_erased
+
+
+def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, int]:
+    """Erase the patient whose pseudonym was typed as it is stored; InputError, and nothing is erased, where it is another or where work goes on; gives what there was."""
+    patient = patients.get(db, patient_id)
+    if " ".join(typed.split()) != patient.pseudonym:
+        raise InputError(f"to erase this patient, type the code exactly as it is stored: {patient.pseudonym}; nothing was erased")
+    sessions = list(db.scalars(_of(patient)))
+    recordings = [f for s in sessions for f in s.recordings]
+    results = [r for f in recordings for r in f.results]
+    _require_rest(patient, sessions, results)
+    if store.away is not None:
+        object_storage.require(store.away)
+    files = {f.file for f in recordings} | {name for r in results for name in stored_files.files_of_result(store, r.id)}
+    paths = [path for file in files for path in (store.path_of(file), store.cached(file)) if path.exists()]
+    counts = {
+        "sessions": len(sessions),
+        "recordings": len(recordings),
+        "results": len(results),
+        "notes": len(patient.notes),
+        "bytes": sum(path.stat().st_size for path in paths),
+    }
+    audit.tell(db, audit.Happened("erased", "patient", counts=counts))
+    db.add_all([ErasedFile(file=file) for file in sorted(files)])
+    db.delete(patient)
+    db.commit()
+    remove_erased(db, store, files)
+    return counts
+
+
+def erasures(db: Session) -> list[AuditLine]:
+    """The lines that were left, the newest first."""
+    return list(db.scalars(select(AuditLine).where(AuditLine.what == "erased", AuditLine.kind == "patient").order_by(AuditLine.id.desc())))
+
+
+def _of(patient: Patient) -> Select[PatientSession]:
+    everything = selectinload(PatientSession.recordings).selectinload(RecordingFile.results)
+    return select(PatientSession).where(PatientSession.patient_id == patient.id).options(everything)
+
+
+def _require_rest(patient: Patient, sessions: list[PatientSession], results: list[Result]) -> None:
+    if any(s.state == "open" for s in sessions):
+        raise InputError(f"a session of {patient.pseudonym} is not finished; finish it first, nothing was erased")
+    if any(r.state == "running" for r in results):
+        raise InputError(f"results of {patient.pseudonym} are being computed; wait until they are ready, nothing was erased")

@@ -1,0 +1,188 @@
+"""Sessions and their recordings: begun live, or made from an uploaded file."""
+
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import HANDS, Hand
+from handscope.estimators.hand.geometry import measures_from, sized, table_of
+from handscope.sessions.db.tables import ErasedFile, Patient, PatientSession, RecordingFile, now
+from handscope.sessions.files import native
+from handscope.sessions.files.recorder import being_written
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.sessions.store import stored_files
+from handscope.sessions.store.store import Store
+
+FINISH_WAIT = 10.0  # s that closing a session waits for its recorder
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What is kept of an uploaded recording beside its file."""
+
+    hand: Hand
+    started: datetime | None  # where it tells that
+    bytes: int
+    sha256: str
+    summary: Mapping[str, Any]
+
+
+def begin(
+    db: Session, store: Store, patient: Patient, hand: Hand, geometry: Mapping[str, Any], examiner: str = ""
+) -> tuple[PatientSession, RecordingFile]:
+    """A session about to be recorded, with the place of its recording."""
+    measures_from(geometry)
+    session = PatientSession(patient=patient, hand=hand, geometry=dict(geometry), trunk_height=patient.trunk_height, examiner=examiner)
+    file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
+    db.add_all([session, file])
+    db.commit()
+    return session, file
+
+
+def close(db: Session, store: Store, session_id: int) -> PatientSession:
+    """The recording is finished: keep its checksum and what it holds; a session whose recording holds nothing is failed."""
+    session = get(db, session_id)
+    for file in session.recordings:
+        if file.sha256 is None:
+            _require_finished(store.path_of(file.file))
+            _describe(file, store)
+    session.finished = now()
+    session.state = "recorded" if any(f.sha256 for f in session.recordings) else "failed"
+    db.commit()
+    return session
+
+
+def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
+    """What an uploaded recording holds, called `name` where it was; takes seconds of a core. InputError where it cannot be opened."""
+    try:
+        recording = formats_recordings.load(upload, hand)
+    except InputError as mistake:
+        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+    return Upload(recording.hand, _start_of(recording), upload.stat().st_size, native.file_checksum(upload), summary(recording))
+
+
+def keep_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, found: Upload) -> PatientSession:
+    """Keep an uploaded recording that was read as a session of its own; `upload` is moved into the store.
+
+    Until the session is kept the file's place is told as one to be removed, so that a crash between the two leaves no file without a session.
+    """
+    suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
+    place = store.new_recording(suffix)
+    fleeting = ErasedFile(file=place)
+    db.add(fleeting)
+    db.commit()
+    shutil.move(upload, store.path_of(place))
+    try:
+        moment = now()
+        session = PatientSession(patient=patient, hand=found.hand, geometry={}, state="recorded", finished=moment)
+        session.started = found.started or moment
+        kind = "native" if suffix == native.SUFFIX else "motion-bids"
+        file = RecordingFile(session=session, format=kind, file=place, original_name=Path(name).name[:200])
+        file.bytes, file.sha256, file.summary = found.bytes, found.sha256, dict(found.summary)
+        db.add_all([session, file])
+        db.delete(fleeting)
+        db.commit()
+    except BaseException:
+        db.rollback()
+        store.path_of(place).unlink(missing_ok=True)
+        raise
+    return session
+
+
+def add_upload(db: Session, store: Store, patient: Patient, upload: Path, name: str, hand: Hand | None) -> PatientSession:
+    """Read an uploaded recording and keep it, only when it can be opened."""
+    return keep_upload(db, store, patient, upload, name, read_upload(upload, name, hand))
+
+
+def get(db: Session, session_id: int) -> PatientSession:
+    """The session; InputError where there is none."""
+    session = db.get(PatientSession, session_id)
+    if session is None:
+        raise InputError(f"there is no session {session_id}; it may have been erased")
+    return session
+
+
+def opened(store: Store, file: RecordingFile) -> LoadedRecording:
+    """A kept recording with its session's hand and geometry."""
+    session = file.session
+    recording = formats_recordings.load(stored_files.at_hand(store, file.file, file.sha256), hand_of(session.hand))
+    if not session.geometry:
+        return recording
+    return replace(recording, geometry=sized(recording.hand, measures_from(session.geometry)))
+
+
+def abandoned(db: Session) -> list[PatientSession]:
+    """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
+    return list(db.scalars(select(PatientSession).where(PatientSession.state == "open").order_by(PatientSession.started)))
+
+
+def hand_of(word: str) -> Hand:
+    """left or right as a Hand."""
+    for hand in HANDS:
+        if word == hand:
+            return hand
+    raise InputError(f"the hand is left or right, not {word!r}")
+
+
+def _require_finished(path: Path) -> None:
+    """Wait for a recorder that outlived its server; InputError, and the session stays open, where it goes on."""
+    until = time.monotonic() + FINISH_WAIT
+    while path.exists() and being_written(path):
+        if time.monotonic() > until:
+            raise InputError("the recording is still being written; unplug the glove, then finish the session")
+        time.sleep(0.05)
+
+
+def _start_of(recording: LoadedRecording) -> datetime | None:
+    """When it was recorded, where it tells that with its zone."""
+    try:
+        start = datetime.fromisoformat(recording.start_utc or "")
+    except ValueError:
+        return None
+    return start if start.tzinfo else start.replace(tzinfo=UTC)
+
+
+def _describe(file: RecordingFile, store: Store) -> None:
+    """Size, checksum and summary of a closed file; a file that holds no samples keeps sha256 None."""
+    path = store.path_of(file.file)
+    try:
+        recording = formats_recordings.load(path, hand_of(file.session.hand))
+    except InputError as problem:
+        file.summary = {"problem": str(problem).replace(path.name, "the recording")}
+        return
+    file.bytes, file.sha256 = path.stat().st_size, native.file_checksum(path)
+    file.summary = summary(recording)
+
+
+def summary(recording: LoadedRecording) -> dict[str, Any]:
+    """What a recording holds, for lists and pages."""
+    streams = [
+        {"name": s.name, "sensors": list(s.sensors), "rate": round(s.rate, 3), "samples": len(b.t)}
+        for s, b in ((b.stream, b) for b in recording.samples.values())
+    ]
+    events = [
+        {"trial_type": e.trial_type, "onset": round(e.onset, 3), "duration": round(e.duration, 3), "task": e.details.get("task_name")}
+        | ({"phase": e.details["phase"]} if e.details.get("phase") else {})
+        for e in recording.events
+    ]
+    gaps = int(sum(np.isnan(b.values).any(axis=(1, 2)).sum() for b in recording.samples.values()))
+    return {
+        "duration": round(recording.duration, 3),
+        "streams": streams,
+        "events": events,
+        "losses": dict(recording.losses),
+        "samples_with_gaps": gaps,
+        "warnings": list(recording.warnings),
+        "source": dict(recording.source),
+        "geometry": table_of(recording.geometry),
+    }

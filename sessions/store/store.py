@@ -1,0 +1,139 @@
+"""The data folder: the database and the recordings' files beside it. Everything that is kept passes through here."""
+
+import contextlib
+import shutil
+import uuid
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import select, text
+from sqlalchemy.orm import Session, sessionmaker
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import notes, repeatability
+from handscope.sessions.db.tables import ErasedFile
+from handscope.sessions.files import object_storage
+from handscope.sessions.files.object_storage import ObjectStorage
+from handscope.sessions.store.database import RESTORING, open_database
+
+CACHE = "cache"  # of files that are in the object storage
+AWAY = "away:"  # begins the name of an erased file that is still to be removed from the object storage
+PROBE = 2**20  # bytes that must be free to start at all: the database makes files of its own
+FREE = 200 * 2**20  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
+
+
+@dataclass(frozen=True)
+class Store:
+    """Where things are and how the database is opened."""
+
+    folder: Path
+    database: sessionmaker[Session]
+    url: str | None = None
+    away: ObjectStorage | None = None  # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
+
+    @property
+    def recordings(self) -> Path:
+        return self.folder / "recordings"
+
+    @property
+    def incoming(self) -> Path:
+        return self.folder / "incoming"
+
+    def close(self) -> None:
+        """Give the database's connections back; the next use opens new ones."""
+        self.database.kw["bind"].dispose()
+
+    def path_of(self, file: str) -> Path:
+        """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: kept_files.at_hand."""
+        path = (self.folder / file).resolve()
+        if not path.is_relative_to(self.folder.resolve()):
+            raise InputError(f"{file!r} lies outside the data folder")
+        return path
+
+    def cached(self, file: str) -> Path:
+        """Where the copy of a file lies that is in the object storage."""
+        return self.path_of(f"{CACHE}/{self.path_of(file).relative_to(self.folder.resolve())}")
+
+    def new_recording(self, suffix: str) -> str:
+        """A name for a new recording, relative to the folder; InputError where the disk has no room."""
+        self.require_room()
+        return f"recordings/{uuid.uuid4().hex}{suffix}"
+
+    def require_room(self, needed: int = FREE) -> None:
+        """InputError where the disk is nearly full."""
+        free = free_bytes(self.folder)
+        if free < needed:
+            raise InputError(
+                f"the disk is nearly full: {free / 2**20:.0f} MB free, {needed / 2**20:.0f} MB are needed; make room and try again"
+            )
+
+
+def free_bytes(folder: Path) -> int:
+    """Room on the folder's disk."""
+    return shutil.disk_usage(folder).free
+
+
+def store_at(folder: Path, url: str | None = None) -> Store:
+    """The store of a data folder that another process opened; nothing is tidied up."""
+    return Store(folder, open_database(folder, url), url, object_storage.attached(folder))
+
+
+def open_store(folder: Path, url: str | None = None, recordings: str | None = None) -> Store:
+    """Open the data folder, made when it is not there; files half-written by an earlier run are removed.
+
+    `recordings` is the URL of an object storage that closed files are moved to from now on; None leaves that as it is.
+    """
+    try:
+        for place in (folder, folder / "recordings", folder / "incoming"):
+            place.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(f"the data folder {folder} cannot be made: {problem.strerror}; choose another with --data") from None
+    if (folder / RESTORING).exists():
+        raise InputError(f"a backup was being restored into {folder} and that did not end; empty the folder and restore again")
+    for leftover in (folder / "incoming").iterdir():
+        leftover.unlink() if leftover.is_file() else shutil.rmtree(leftover, ignore_errors=True)
+    _require_writable(folder)
+    if recordings is not None:
+        object_storage.attach(folder, recordings)
+    store = store_at(folder, url)
+    repeatability.fill(store.database)
+    with store.database() as db:
+        notes.purge(db)
+        remove_erased(db, store)
+    return store
+
+
+def _require_writable(folder: Path) -> None:
+    """InputError where the disk is read-only or full, or somebody else's: said before the database is asked, whose words for it are not clear."""
+    probe = folder / "incoming" / "probe"
+    try:
+        probe.write_bytes(bytes(PROBE))
+        probe.unlink()
+    except OSError as problem:
+        with contextlib.suppress(OSError):
+            probe.unlink(missing_ok=True)
+        raise InputError(
+            f"the data folder {folder} cannot be written to: {problem.strerror}; mend that, or choose another with --data"
+        ) from None
+
+
+def remove_erased(db: Session, store: Store, files: Collection[str] | None = None) -> None:
+    """Remove these files, or all, whose rows were erased (sessions/store/erasure.py) or never kept, and what the database's log still holds of those.
+
+    What may be in the object storage is removed there by the next round of kept_files.move_out.
+    """
+    left = [
+        erased
+        for erased in db.scalars(select(ErasedFile).where(~ErasedFile.file.startswith(AWAY)))
+        if files is None or erased.file in files
+    ]
+    for erased in left:
+        store.path_of(erased.file).unlink(missing_ok=True)
+        if store.away is not None:
+            store.cached(erased.file).unlink(missing_ok=True)
+            db.merge(ErasedFile(file=AWAY + erased.file))
+        db.delete(erased)
+    db.commit()
+    if left and db.get_bind().dialect.name == "sqlite":
+        db.execute(text("PRAGMA wal_checkpoint(TRUNCATE)"))

@@ -1,0 +1,154 @@
+"""Kept files, wherever they are: in the data folder, in its object storage, or in the copy of that which lies in `cache/`.
+
+A file is written into the data folder and read from there. Where an object storage is attached, `move_out` brings what is closed there; a file leaves
+`recordings/` or `results/` for `cache/` only when it was read back from the storage as it is here. The cache may go at any time.
+"""
+
+import contextlib
+import logging
+import os
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.db.tables import ErasedFile, RecordingFile, Result
+from handscope.sessions.files import object_storage
+from handscope.sessions.files.native import file_checksum
+from handscope.sessions.files.object_storage import UnreachableError
+from handscope.sessions.store.store import AWAY, CACHE, FREE, Store, free_bytes
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round of moving out came to."""
+
+    moved: int = 0
+    waiting: int = 0  # files that are to go there, and those that are to be removed there
+    problem: str = ""  # why the storage could not be used
+
+
+def at_hand(store: Store, file: str, sha256: str | None = None) -> Path:
+    """The path of a kept file on this disk, fetched where it was moved out; of one that is nowhere the path where it should be.
+
+    UnreachableError where the storage does not answer, InputError where what it has is not what was kept.
+    """
+    path, copy = store.path_of(file), store.cached(file)
+    if store.away is None or path.exists():
+        return path
+    if not copy.exists():
+        try:
+            _fetch(store, file, copy, sha256)
+        except FileNotFoundError:
+            return path
+    with contextlib.suppress(OSError):
+        os.utime(copy, ns=(time.time_ns(), copy.stat().st_mtime_ns))  # the cache lets go what was not read for longest
+    return copy
+
+
+def files_of_result(store: Store, result_id: int) -> list[str]:
+    """Names of the files that are kept of a result: `results/7.npz` and whatever else begins like that, wherever they are."""
+    found = {path.name for place in (store.folder, store.folder / CACHE) for path in (place / "results").glob(f"{result_id}.*")}
+    away = object_storage.names(store.away, "results", f"{result_id}.") if store.away else []
+    return sorted({f"results/{name}" for name in found}.union(away))
+
+
+def move_out(store: Store, cache_bytes: int) -> Round:
+    """Bring what is closed into the object storage, and remove there what was erased; one round, to be asked again."""
+    if store.away is None:
+        return Round()
+    moved, problem = 0, ""
+    try:
+        object_storage.require(store.away)
+        _remove_erased(store)
+        for file, sha256 in _closed(store):
+            moved += _moved(store, file, sha256)
+        _shrink(store, cache_bytes)
+    except UnreachableError as why:
+        problem = str(why)
+    with store.database() as db:
+        return Round(moved, len(_closed(store)) + len(_erased(db)), problem)
+
+
+def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:
+    assert store.away is not None
+    store.require_room(FREE + object_storage.size(store.away, file))
+    partial = store.incoming / f"{uuid.uuid4().hex}.partial"
+    try:
+        with partial.open("xb") as out:
+            out.writelines(object_storage.pieces(store.away, file))
+        if sha256 is not None and file_checksum(partial) != sha256:
+            raise InputError(f"{file} in the object storage is not what was recorded: its checksum is another; restore it from a backup")
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(partial, copy)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _moved(store: Store, file: str, sha256: str | None) -> bool:
+    """Whether a file is in the storage now and left for the cache; one that is changed or erased meanwhile stays, or stays away."""
+    assert store.away is not None
+    path, copy = store.path_of(file), store.cached(file)
+    try:
+        before, total = path.stat(), file_checksum(path)
+        if sha256 not in (None, total):
+            log.error("%s is not what was recorded: its checksum was %s; it stays on this disk", file, sha256)
+            return False
+        if object_storage.put(store.away, file, path) != total:
+            raise UnreachableError(f"the object storage {store.away.url} did not give back what was put there; it is tried again")
+        after = path.stat()
+        if (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size):
+            return False
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(path, copy)
+    except FileNotFoundError:  # erased: the next round removes it there
+        return False
+    return True
+
+
+def _closed(store: Store) -> list[tuple[str, str | None]]:
+    """Files that lie in the data folder and may go, with the recordings' checksums: none that is still written."""
+    recordings = {path.name for path in store.recordings.iterdir()} if store.recordings.is_dir() else set()
+    results = [path for path in (store.folder / "results").glob("*.npz") if path.name.split(".")[0].isdecimal()]
+    with store.database() as db:
+        query = select(RecordingFile.file, RecordingFile.sha256).where(RecordingFile.sha256.is_not(None))
+        found = [(file, sha256) for file, sha256 in db.execute(query) if Path(file).name in recordings]
+        done = set(db.scalars(select(Result.id).where(Result.state == "done"))) if results else set()
+    return [*found, *((f"results/{path.name}", None) for path in sorted(results) if int(path.name.split(".")[0]) in done)]
+
+
+def _erased(db: Session) -> list[ErasedFile]:
+    return list(db.scalars(select(ErasedFile).where(ErasedFile.file.startswith(AWAY))))
+
+
+def _remove_erased(store: Store) -> None:
+    assert store.away is not None
+    with store.database() as db:
+        for erased in _erased(db):
+            file = erased.file.removeprefix(AWAY)
+            object_storage.remove(store.away, file)
+            store.cached(file).unlink(missing_ok=True)
+            db.delete(erased)
+            db.commit()
+
+
+def _shrink(store: Store, most: int) -> None:
+    """Let go of what was not read for longest, until the cache is small enough and the disk has room to record."""
+    lying = sorted(_files(store.folder / CACHE), key=lambda path: path.stat().st_atime_ns, reverse=True)
+    kept = 0
+    for path in lying:
+        kept += path.stat().st_size
+        if kept > most or free_bytes(store.folder) < 2 * FREE:
+            with contextlib.suppress(OSError):  # Windows: somebody reads it
+                path.unlink()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.rglob("*") if path.is_file())

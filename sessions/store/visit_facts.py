@@ -1,0 +1,80 @@
+"""What people write on a session: notes, who examined, its true date where the computer's clock was wrong, how high the trunk's sensor was worn.
+
+Two people who write at once are told (ConflictError); a session that is measured or processed meanwhile disturbs nobody. What the clock said
+is kept with the reason, and putting it back is a correction like any other.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import update
+from sqlalchemy.orm import Session
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import trunk_height
+from handscope.sessions.clinic.dates import SLACK
+from handscope.sessions.db.conflicts import ConflictError
+from handscope.sessions.db.tables import PatientSession, now
+from handscope.sessions.store import records
+
+LONGEST = 20_000  # characters of notes
+
+
+@dataclass(frozen=True)
+class TrunkHeight:
+    """Told afterwards."""
+
+    height: float | None  # m; None: as the recording tells it
+
+
+def change(
+    db: Session,
+    session_id: int,
+    version: int,
+    notes: str | None = None,
+    examiner: str | None = None,
+    started: datetime | None = None,
+    date_reason: str = "",
+    trunk: TrunkHeight | None = None,
+) -> PatientSession:
+    """Change a session as it stood at `version`; ConflictError where somebody else changed it meanwhile. A new date, `started`, needs a reason."""
+    session = records.get(db, session_id)
+    if trunk is not None:
+        trunk_height.require_worn(session)
+        if trunk.height is not None:
+            trunk_height.require_height(trunk.height)
+    if started is not None:
+        started = started if started.tzinfo else started.replace(tzinfo=UTC)
+        _require_date(session, started, date_reason)
+    seen = update(PatientSession).where(PatientSession.id == session_id, PatientSession.version == version)
+    claimed = db.execute(seen.values(version=version + 1).returning(PatientSession.id).execution_options(synchronize_session=False)).first()
+    if claimed is None:
+        db.rollback()
+        raise ConflictError("the session")
+    db.refresh(session)
+    session.notes = session.notes if notes is None else notes
+    session.examiner = session.examiner if examiner is None else examiner
+    if started is not None:
+        _date(session, started, date_reason.strip())
+    if trunk is not None:
+        session.trunk_corrected = None if trunk.height == session.trunk_height else trunk.height
+    db.commit()
+    return session
+
+
+def _date(session: PatientSession, started: datetime, reason: str) -> None:
+    said = session.recorded_as or session.started
+    session.started = started
+    session.recorded_as, session.date_reason = (None, "") if started == said else (said, reason)
+
+
+def _require_date(session: PatientSession, started: datetime, reason: str) -> None:
+    born = session.patient.year_of_birth
+    if session.state == "open":
+        raise InputError("the session is being measured; correct its date when it is finished")
+    if started > now() + SLACK:
+        raise InputError("the date lies in the future; type when the session was measured")
+    if born is not None and started.year < born:
+        raise InputError(f"the date is before the patient's year of birth, {born}; check both")
+    if started not in (session.recorded_as, session.started) and not reason.strip():
+        raise InputError("a corrected date needs a reason: it stands beside the date for everybody who reads it")

@@ -1,0 +1,1 @@
+"""Tables and calibrations as files, written whole or not at all."""

@@ -1,0 +1,54 @@
+"""The calibration beside a derivative (`..._calibration.json`) read again: what self-calibration found serves later recordings of the same wearing."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handscope.estimators.data.calibration import Known
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import HANDS, SEGMENTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+SEAT_KNOWN = np.radians(3.0)  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
+
+
+def read(path: Path) -> Known:
+    """InputError where the file is no calibration that a method found."""
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path} cannot be read: {problem.strerror}") from None
+    except ValueError:
+        raise InputError(f"{path} is no JSON; name a ..._calibration.json that `handscope process --method map` wrote") from None
+    try:
+        return known_of(table)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise InputError(
+            f"{path} is no calibration of a hand; name a ..._calibration.json that `handscope process --method map` wrote"
+        ) from None
+
+
+def known_of(table: dict[str, Any]) -> Known:
+    """What movement told, of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
+    if table["MeasuredHand"] not in HANDS:
+        raise ValueError(table["MeasuredHand"])
+    lengths = {s: float(entry["value"]) for s, entry in table["segment_lengths"].items() if "sd" in entry}
+    seats = {s: quat.normalize(_numbers(seat["q_BS"], 4)) for s, seat in table["sensor_to_segment"].items() if _told(seat)}
+    biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
+    if unknown := (set(lengths) | set(seats) | set(biases)) - set(SEGMENTS):
+        raise ValueError(unknown)
+    return Known(table["MeasuredHand"], seats, biases, lengths)
+
+
+def _told(seat: dict[str, Any]) -> bool:
+    return "sd" in seat and bool(_numbers(seat["sd"], 3).max() < SEAT_KNOWN)
+
+
+def _numbers(values: Any, count: int) -> Array:
+    found = np.array(values, dtype=float)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise ValueError(values)
+    return found

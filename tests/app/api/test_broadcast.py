@@ -1,0 +1,75 @@
+"""What a station's viewers are told is written once for all of them, and nobody misses a point of the curve."""
+
+import asyncio
+import json
+from collections.abc import Callable
+from typing import Any
+
+from handscope.app import language
+from handscope.app.api.broadcast import Bulletin
+from handscope.app.live.viewers import Viewers
+
+ENGLISH = language.language("en")
+
+
+class Told:
+    """A station that counts how often it is asked."""
+
+    def __init__(self) -> None:
+        self.viewers, self.points, self.asked, self.number = Viewers(), [(0.0, 1.0)], 0, 1
+
+    @property
+    def changes(self) -> int:
+        return self.viewers.changes
+
+    def watch(self, notice: Callable[[], object]) -> Callable[[], None]:
+        return self.viewers.add(notice)
+
+    def pulse(self, since: float) -> dict[str, Any]:
+        self.asked += 1
+        return {"points": [p for p in self.points if p[0] > since]}
+
+    def news(self) -> tuple[int, dict[str, Any]]:
+        self.asked += 1
+        return self.number, {"title": "Finished"}
+
+    def moved(self, t: float) -> None:
+        self.points.append((t, 1.0))
+        self.viewers.notify()
+
+
+def points(written: str) -> list[float]:
+    return [p[0] for p in json.loads(written)["points"]]
+
+
+def test_viewers_in_step_are_written_for_once_and_one_behind_gets_what_it_missed() -> None:
+    station, bulletin = Told(), Bulletin()
+    first, second = bulletin.beat(station, -1.0), bulletin.beat(station, -1.0)
+    assert first == second and station.asked == 1
+    station.moved(0.1)
+    station.moved(0.2)
+    written, newest = bulletin.beat(station, 0.0)
+    assert (points(written), newest) == ([0.1, 0.2], 0.2)
+    assert points(bulletin.beat(station, -1.0)[0]) == [0.0, 0.1, 0.2]
+    assert bulletin.beat(station, 0.2) == ('{"points":[]}', 0.2), "a viewer keeps its place where nothing is new"
+
+
+def test_a_snapshot_is_written_again_when_there_is_another() -> None:
+    station, bulletin = Told(), Bulletin()
+    assert bulletin.snapshot(station, ENGLISH) == (1, '{"title":"Finished"}')
+    station.number = 2
+    assert bulletin.snapshot(station, ENGLISH)[0] == 2
+
+
+def test_every_viewer_is_woken_and_a_station_nobody_watches_is_left_alone() -> None:
+    async def watched() -> None:
+        station, bulletin = Told(), Bulletin()
+        with bulletin.news(station) as one:
+            with bulletin.news(station) as other:
+                one.clear(), other.clear()
+                station.moved(0.1)
+                await asyncio.wait_for(asyncio.gather(one.wait(), other.wait()), 5.0)
+            assert station.viewers
+        assert not station.viewers
+
+    asyncio.run(watched())

@@ -1,0 +1,162 @@
+"""What a live session writes into the recording of a task with trials and phases, and what it tells a virtual patient."""
+
+import threading
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from handscope.app.live import trial_events
+from handscope.app.live.station import Station
+from handscope.app.live.stations import Stations
+from handscope.app.live.wizard import machine as wizard_machine
+from handscope.app.live.wizard.machine import Act, State
+from handscope.estimators.alignment import initial_pose
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.samples import Event
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import SEGMENTS
+from handscope.estimators.hand.geometry import sized
+from handscope.sessions.wire.messages import Cue
+from tests.app.devices.virtual import wait_for
+from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
+from tests.app.live.wizard.test_machine import PROTOCOLS, READY
+
+
+def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:  # noqa: F811
+    """Events from now on, as they are written."""
+    events: list[Event] = []
+    monkeypatch.setattr(station.glove, "keep_event", lambda event_id, event: events.append(event))
+    return events
+
+
+def reviewed(station: Station, task: str, act: Act, **times: Any) -> None:  # noqa: F811
+    """A trial was done and a person says what becomes of it."""
+    station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task=task, **times)
+    station._wizard, orders = wizard_machine.act(station._wizard, act, READY, reason="pain")
+    station._do(orders, READY)
+
+
+def test_an_accepted_trial_is_kept_with_its_number_and_its_whole_phases(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "repeatability_mould", Act.AGAIN, onset=10.0, end=130.0)
+    reviewed(station, "repeatability_mould", Act.ACCEPT, onset=200.0, end=215.0)
+    trials = [(e.onset, e.duration, e.details["trial"]) for e in events if e.trial_type == "task"]
+    assert trials == [(10.0, 120.0, 1), (200.0, 15.0, 2)]
+    phases = [(e.onset, e.duration, e.details["phase"], e.details["repetition"]) for e in events if e.trial_type == "annotation"]
+    assert phases[:3] == [(10.0, 6.0, "grip", 1), (16.0, 6.0, "flat", 1), (22.0, 6.0, "grip", 2)]
+    assert phases[20:] == [(200.0, 6.0, "grip", 1), (206.0, 6.0, "flat", 1)]
+
+
+def test_pauses_of_an_accepted_trial_are_marked_and_its_phases_lie_outside_them(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "rom_mcp", Act.ACCEPT, onset=10.0, end=45.0, pauses=((15.0, 35.0),))
+    reviewed(station, "rom_mcp", Act.REDO, onset=50.0, end=85.0, pauses=((55.0, 75.0),))
+    assert [(e.onset, e.duration) for e in events if e.trial_type == "task"] == [(10.0, 35.0)]
+    phases = [(e.details["phase"], e.onset, e.duration) for e in events if "phase" in e.details]
+    assert phases[0] == ("pause", 15.0, 20.0)
+    assert [onset for _, onset, _ in phases[1:]] == [10.0, 12.5, 35.0, 37.5, 40.0, 42.5]
+
+
+@pytest.mark.parametrize(("act", "outcome"), [(Act.REDO, "redone: pain"), (Act.SKIP, "skipped: pain"), (Act.UNABLE, "unable: pain")])
+def test_a_trial_that_was_not_accepted_leaves_no_phases(
+    station: Station,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+    act: Act,
+    outcome: str,
+) -> None:
+    events = kept(station, monkeypatch)
+    reviewed(station, "repeatability_mould", act, onset=10.0, end=130.0)
+    assert [(e.trial_type, e.details) for e in events] == [("annotation", {"task_name": "repeatability_mould", "outcome": outcome})]
+
+
+def test_a_task_of_one_trial_has_no_number(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    reviewed(station, "rom_fist", Act.ACCEPT, onset=10.0, end=25.0)
+    assert [e.details for e in events] == [{"task_name": "rom_fist", "outcome": "accepted"}]
+
+
+def test_who_moved_the_hand_and_what_the_protocol_keeps_for_the_measures_stand_in_the_event(
+    station: Station,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    events = kept(station, monkeypatch)
+    reviewed(station, "prom_fist", Act.ACCEPT, onset=10.0, end=25.0)
+    reviewed(station, "selfcheck_p4", Act.ACCEPT, onset=30.0, end=55.0)
+    passive, block = (e.details for e in events)
+    assert passive == {"task_name": "prom_fist", "outcome": "accepted", "mode": "passive"}
+    assert (block["distances_mm"], len(block["contacts"].split())) == ("53 46 25", 3)
+
+
+def test_how_the_trunks_sensor_is_worn_stands_in_the_event_of_a_reach_alone() -> None:
+    order, worn = wizard_machine.Order("keep_attempt", "a task", 1.0, 9.0, "accepted"), {"trunk_height": 0.42}
+    told = {p.name for p in PROTOCOLS if next(trial_events.events(order, p, 1, 9.0, worn))[1].details.get("trunk_height") == 0.42}
+    assert told == {"reach"}
+
+
+def test_the_clinicians_score_stands_in_the_event_of_the_trial(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    station._wizard = replace(station._wizard, state=State.TASK_REVIEW, task="kapandji", onset=10.0, end=40.0)
+    station._known = READY
+    with pytest.raises(InputError, match="the Kapandji score is 12; it is a whole number from 0 to 10"):
+        station.act("accept", value=12.0)
+    assert events == []
+    station.act("accept", value=9.0)
+    task, *positions = events
+    assert task.details == {"task_name": "kapandji", "outcome": "accepted", "score": 9.0, "score_title": "Kapandji score"}
+    assert [e.details["phase"] for e in positions] == [f"position_{k}" for k in range(1, 11)]
+
+
+def test_a_virtual_patient_is_told_how_long_the_countdown_takes(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    sent: list[Cue] = []
+    monkeypatch.setattr(station.glove, "send", sent.append)
+    for task in ("powerglove_01_index_mcp", "tapping"):
+        station._wizard = replace(station._wizard, state=State.TASK_READY, task=task)
+        station._wizard, orders = wizard_machine.act(station._wizard, Act.START, READY)
+        station._do(orders, READY)
+    assert sent == [Cue("powerglove_01_index_mcp", {"lead": "3"}), Cue("tapping", {"lead": "3", "duration": "18"})]
+
+
+def test_a_station_goes_on_while_a_calibration_is_computed(station: Station, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    events = kept(station, monkeypatch)
+    computing, calibration = threading.Event(), initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+
+    def calibrate(pose: initial_pose.Pose) -> Calibration:
+        assert computing.wait(5.0)
+        return calibration
+
+    monkeypatch.setattr(station.tracking, "calibrate", calibrate)
+    station._wizard = replace(station._wizard, state=State.POSE_WORK, passive=True)
+    station._do([wizard_machine.Order("calibrate", onset=10.0, end=13.0)], READY)
+    assert station.snapshot()["wizard"]["state"] == "pose_work"  # at once
+    computing.set()
+    wait_for(lambda: station.snapshot()["wizard"]["state"] == "pose_review")
+    assert [(e.trial_type, e.details["held_by"]) for e in events] == [("initial_pose", "therapist")]
+    assert initial_pose.pose_of(events[0]).passive
+    assert len(station.snapshot()["calibration"]["joints"]) == 16
+
+
+def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None:
+    ending, ended, kept = threading.Event(), threading.Event(), []
+
+    class Slow(Station):
+        def __init__(self) -> None:
+            self.name = "slow"
+
+        def __exit__(self, *_: object) -> None:
+            ending.set()
+            assert ended.wait(5.0)
+
+    stations = Stations(lambda s: kept.append(s.name))
+    stations._stations["slow"] = Slow()
+    finishing = threading.Thread(target=stations.close, args=("slow",))
+    finishing.start()
+    assert ending.wait(5.0)
+    leaving = threading.Thread(target=stations.__exit__, args=(None, None, None))
+    leaving.start()
+    leaving.join(0.2)
+    assert leaving.is_alive() and kept == []
+    ended.set()
+    leaving.join(5.0)
+    finishing.join(5.0)
+    assert not leaving.is_alive() and kept == ["slow"]

@@ -1,0 +1,129 @@
+"""The report among the patient's sessions: the other hand, the course, the standard deviation; and the same as HTML."""
+
+import hashlib
+import re
+from dataclasses import replace
+from datetime import timedelta
+from functools import cache
+
+from handscope.app.language import ENGLISH, languages
+from handscope.app.report import FORMS, Style
+from handscope.app.report.content import Content, LeftOut
+from handscope.app.report.page import Page, words_of
+from handscope.app.report.pdf import pdf
+from handscope.app.report.units import DEG
+from handscope.app.results.make import figure_rows
+from handscope.sessions.clinic.repeatability import Values, values
+from handscope.sessions.clinic.visit_history import Course
+from handscope.sessions.clinic.visit_history import Visit as Past
+from tests.app.report.simulated_sessions import VISIT, report, session
+from tests.app.report.test_pdf import NASTY, pages, printed
+
+GERMAN = languages()["de"]
+PIP = ("range_of_motion", "rom_fist", "ring_pip_flexion_max")
+
+
+def more(now: Values, degrees: float) -> Values:
+    """The same figures with the ring finger's PIP joint bent further."""
+    value, unit = now[PIP]
+    return now | {PIP: (value + degrees / DEG, unit)}
+
+
+@cache
+def among(sessions: int) -> Content:
+    """A session that is the last of so many, each a degree better than the one before; the other hand bends the ring finger 20° more."""
+    assert VISIT.date is not None
+    now = values([f for t in session()[2] for f in figure_rows(t)])
+    past = [Past(VISIT.date - timedelta(days=7 * k), more(now, -float(k))) for k in reversed(range(1, sessions))]
+    course = Course((*past, Past(VISIT.date, now)), Past(VISIT.date - timedelta(days=1), more(now, 20.0)))
+    return replace(report(), course=course)
+
+
+def row(page: Page, finger: str, joint: str) -> dict[str, str]:
+    """Cells of a joint by group and kind of column."""
+    table, at = page["ranges"][0]["table"], ""
+    for told in table["rows"]:
+        at = told["finger"] or at
+        if (at, told["joint"]) == (finger, joint):
+            return {f"{c['group']} {c['kind']}": cell[0] for c, cell in zip(table["columns"], told["cells"])}
+    raise AssertionError(f"no {finger} {joint}")
+
+
+def test_the_other_hand_and_the_reference_stand_beside_the_value() -> None:
+    page = words_of(among(2), ENGLISH)
+    cells = row(page, "Ring", "PIP")
+    own = int(cells["flexion value"].partition("°")[0])
+    assert cells["flexion other"] == f"{own + 20}°"
+    assert cells["flexion reference"] == "100°"
+    assert "Less than the right hand (20 November 2026) by more than 12°: Ring PIP flexion by 20°." in page["summary"]
+
+
+def test_without_the_other_hand_there_is_no_column_for_it() -> None:
+    table = words_of(report(), ENGLISH)["ranges"][0]["table"]
+    assert {c["kind"] for c in table["columns"]} == {"value", "reference"}
+
+
+def test_a_standard_deviation_stands_with_its_value() -> None:
+    tasks = tuple(
+        replace(t, result=replace(t.result, figures=tuple(replace(f, sd=2.14 / DEG) for f in t.result.figures))) for t in report().tasks
+    )
+    assert re.fullmatch(r"\d+° ± 2\.1°", row(words_of(replace(report(), tasks=tasks), ENGLISH), "Ring", "PIP")["flexion value"])
+    assert re.fullmatch(r"\d+° ± 2,1°", row(words_of(replace(report(), tasks=tasks), GERMAN), "Ringfinger", "PIP")["flexion value"])
+
+
+def test_the_course_begins_with_the_third_session() -> None:
+    assert words_of(among(2), ENGLISH)["trends"] == []
+    (trends,) = words_of(among(3), ENGLISH)["trends"]
+    assert trends["task"] == "3 sessions, 7 November 2026 to 21 November 2026"
+    assert {"Rate", "Amplitude, mean"} <= {c["title"] for c in trends["charts"]}
+
+
+def test_twenty_sessions_are_a_report_of_few_pages() -> None:
+    assert pages(pdf(among(20), ENGLISH)) <= 4
+
+
+def test_what_was_taken_out_by_hand_is_told_with_its_reason() -> None:
+    left_out = LeftOut("Finger tapping", "exclude", 12.0, 27.5, "talked meanwhile")
+    text = printed(pdf(replace(report(), left_out=(left_out,)), ENGLISH))
+    assert "Finger tapping trial left out 12.0 to 27.5 s talked meanwhile" in text
+
+
+def test_the_examiners_own_score_stands_in_the_report_and_in_its_json() -> None:
+    recording, processed, results = session()
+    scored = tuple(
+        replace(e, details={**e.details, "score": 2, "score_title": "MDS-UPDRS 3.4"}) if e.details.get("task_name") == "tapping" else e
+        for e in recording.events
+    )
+    made = report((replace(recording, events=scored), processed, results))
+    assert "The examiner’s own scores Finger tapping MDS-UPDRS 3.4 2" in printed(pdf(made, ENGLISH)).replace("'", "’")
+    assert b'"score": 2' in FORMS["json"](made, Style())
+
+
+def test_the_report_names_the_checksum_of_its_json() -> None:
+    sums = dict(words_of(report(), GERMAN)["checksums"])
+    assert sums["Größen (JSON)"] == hashlib.sha256(FORMS["json"](report(), Style())).hexdigest()
+
+
+def test_html_says_what_the_pdf_says_and_loads_nothing() -> None:
+    made = FORMS["html"](among(3), Style(GERMAN)).decode()
+    assert made == FORMS["html"](among(3), Style(GERMAN)).decode()
+    for words in (*words_of(among(3), GERMAN)["summary"], "Bewegungsumfang", "Verlauf", "Unterschrift"):
+        assert words in made
+    assert re.findall(r"<script|<link|<iframe|<img|@import|(?:src|href)=\"(?!#)", made) == []
+    assert set(re.findall(r"url\(([^)]*)\)", made)) <= {f"#{name}" for name in re.findall(r'id="([^"]+)"', made)}
+    names = re.findall(r'id="([^"]+)"', made)
+    assert len(names) == len(set(names))
+
+
+def test_html_prints_text_literally() -> None:
+    made = FORMS["html"](report(visit=replace(VISIT, patient="<i>P</i>", notes=NASTY)), Style()).decode()
+    assert "&lt;i&gt;P&lt;/i&gt;" in made
+    assert "<i>P" not in made
+    assert "<b>x</b>" not in made
+
+
+def test_the_report_is_german_throughout() -> None:
+    text = printed(pdf(replace(among(3), visit=replace(VISIT, notes="")), GERMAN))
+    english = "Flexion|Extension|Range|Joint|Signature|Provenance|Finger tapping|Rate|Trial|unchanged|within|session|good|full"
+    assert re.findall(rf"\b({english})\b", text.replace("Salchow-Hoemmen", "")) == []
+    assert re.search(r"Frequenz 2,\d{3} ± 0,00[1-9] pro s", text)

@@ -1,0 +1,70 @@
+"""What sensors turn by between two updates of a chain's filter: derivatives of rotations and sums."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from handscope.estimators.finger_ekf import preintegration
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+
+def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:
+    """Central differences: the last axis is that of the argument."""
+    return np.stack([(f(e) - f(-e)) / (2 * step) for e in step * np.eye(size)], axis=-1)
+
+
+def _ended(q_pc: Array, turned: Array) -> Array:
+    """Rotations between sensors (..., 3, 4) once those have turned by (..., 4, 4)."""
+    return quat.multiply(quat.multiply(quat.conjugate(turned[..., :3, :]), q_pc), turned[..., 1:, :])
+
+
+def _window(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+    """Ten samples of fast and unequal turning of one chain's sensors with their biases in them: q_pc, turns, bias, times."""
+    return (
+        quat.normalize(rng.normal(size=(3, 4))),
+        rng.normal(scale=0.1, size=(10, 4, 3)),
+        rng.normal(scale=0.05, size=(4, 3)),
+        rng.uniform(0.002, 0.02, (10, 4)),
+    )
+
+
+def _wound(turns: Array, bias: Array, times: Array) -> tuple[Array, Array]:
+    """What the sensors turned by over the window (4, 4), and its change by the biases (4, 3, 3)."""
+    nothing = np.tile(quat.IDENTITY, (4, 1)), np.zeros((4, 3, 3)), np.zeros(4), np.zeros(4)
+    after, by_bias, timed, _ = preintegration.wound(turns, times, np.zeros((10, 4)), bias, *nothing)
+    np.testing.assert_allclose(timed, times.sum(axis=0))
+    return after[-1], by_bias
+
+
+def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(rng: np.random.Generator) -> None:
+    """21 errors put in before, 9 read off behind; what is correlated with all 21 then shows their transition F."""
+    q_pc, turns, bias, times = _window(rng)
+    turned, by_bias = _wound(turns, bias, times)
+    P = np.zeros((43, 43))
+    P[:21, 21:42] = P[21:42, :21] = np.eye(21)
+    q_new, P_new = preintegration.carried(np.zeros(21), 0.2, turned, by_bias, np.zeros(4), q_pc, P)
+
+    def ended(errors: Array) -> Array:
+        q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
+        return quat.log(quat.relative(q_new, _ended(q, _wound(turns, bias + errors[9:].reshape(4, 3), times)[0]))).ravel()
+
+    np.testing.assert_allclose(P_new[:9, 21:42], _derivative(ended, 21), atol=1e-7)
+    np.testing.assert_allclose(q_new, _ended(q_pc, turned), atol=1e-14)
+
+
+@pytest.mark.parametrize("sensor", range(4))
+def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(sensor: int, rng: np.random.Generator) -> None:
+    q_pc, turns, bias, times = _window(rng)
+    turned, by_bias = _wound(turns, bias, times)
+    doubt = np.where(np.arange(4) == sensor, 1.0, 0.0)
+    q_new, P_new = preintegration.carried(np.zeros(21), 0.2, turned, by_bias, doubt, q_pc, np.zeros((43, 43)))
+
+    def ended(error: Array) -> Array:
+        wrong = turned.copy()
+        wrong[sensor] = quat.multiply(turned[sensor], quat.exp(error))
+        return quat.log(quat.relative(q_new, _ended(q_pc, wrong))).ravel()
+
+    G = _derivative(ended, 3)
+    np.testing.assert_allclose(P_new[:9, :9], G @ G.T, atol=1e-7)

@@ -1,0 +1,21 @@
+"""What is compiled is kept on disk: it must be known by everything that it was made of."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from handscope.estimators.numerics.jit import called_by, inlined
+
+
+def _kernel(of_angle: Callable[..., Any], factor: float) -> Callable[..., Any]:
+    """A kernel in a module of its own, which calls one function and takes one number."""
+    scope: dict[str, Any] = {"of_angle": of_angle, "FACTOR": factor, "math": math}
+    exec("def kernel(x, y):\n    y[0] = FACTOR * of_angle(x[0]) * math.pi", scope)
+    return scope["kernel"]  # type: ignore[no-any-return]
+
+
+def test_a_kernel_is_another_when_a_function_or_a_number_that_it_takes_is_another() -> None:
+    sine, twice = inlined(lambda x: math.sin(x)), inlined(lambda x: 2 * math.sin(x))
+    kept = [list(called_by(_kernel(*taken))) for taken in ((sine, 1.0), (twice, 1.0), (sine, 2.0), (sine, 1.0))]
+    assert kept[0] == kept[3]
+    assert kept[0] not in kept[1:3]

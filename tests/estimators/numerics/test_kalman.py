@@ -1,0 +1,38 @@
+"""The measurement step that kernels share, against the textbook's."""
+
+import numpy as np
+
+from handscope.estimators.numerics import kalman, small_matrices
+from handscope.estimators.numerics.quaternions import Array
+
+
+def _covariance(rng: np.random.Generator, size: int) -> Array:
+    L = rng.normal(size=(size, size))
+    return np.asarray(L @ L.T + 0.1 * np.eye(size))
+
+
+def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_the_last_bit(rng: np.random.Generator) -> None:
+    before, H, noise, missed, change = _covariance(rng, 7), rng.normal(size=(4, 7)), _covariance(rng, 4), rng.normal(size=4), np.empty(7)
+    after = before.copy()
+    kalman.correct(after, missed, H, noise, change)
+    K = before @ H.T @ np.linalg.inv(H @ before @ H.T + noise)
+    np.testing.assert_allclose(change, K @ missed, atol=1e-12)
+    np.testing.assert_allclose(after, (np.eye(7) - K @ H) @ before, atol=1e-11)
+    np.testing.assert_array_equal(after, after.T)
+
+
+def test_rows_of_zeros_tell_nothing(rng: np.random.Generator) -> None:
+    before, change = _covariance(rng, 5), np.empty(5)
+    H = np.zeros((3, 5))
+    H[1] = rng.normal(size=5)
+    alone, all_rows, change_alone = before.copy(), before.copy(), np.empty(5)
+    kalman.correct(alone, np.array([0.3]), H[1:2].copy(), np.eye(1), change_alone)
+    kalman.correct(all_rows, np.array([0.0, 0.3, 0.0]), H, np.eye(3), change)
+    np.testing.assert_array_equal(all_rows, alone)
+    np.testing.assert_array_equal(change, change_alone)
+
+
+def test_a_matrix_of_fewer_columns_sees_the_first_of_a_covariance(rng: np.random.Generator) -> None:
+    A, P, found = rng.normal(size=(3, 4)), _covariance(rng, 6), np.empty((3, 3))
+    small_matrices.spread(A, P, found)
+    np.testing.assert_allclose(found, A @ P[:4, :4] @ A.T, atol=1e-12)

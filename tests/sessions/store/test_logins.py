@@ -1,0 +1,136 @@
+"""Passwords and logins: what is kept, what is refused, and that many tries are throttled whatever is restarted or done at once."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from argon2 import PasswordHasher
+
+from handscope.estimators.errors import InputError
+from handscope.sessions.clinic import accounts
+from handscope.sessions.db.tables import Attempt
+from handscope.sessions.store import logins
+from handscope.sessions.store.logins import MOST_OF_ACCOUNT, MOST_OF_ADDRESS, WINDOW, ThrottledError
+from handscope.sessions.store.store import Store, open_store
+
+GOOD = "seven hands on a table"
+
+
+@pytest.fixture(scope="module")
+def cheap() -> Iterator[None]:
+    """Hashes that cost next to nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(accounts, "_hasher", PasswordHasher(time_cost=1, memory_cost=8, parallelism=1))
+        accounts._nobodys.cache_clear()
+        yield
+    accounts._nobodys.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory, cheap: None) -> Store:
+    store = open_store(tmp_path_factory.mktemp("data"))
+    with store.database() as db:
+        for name in ("anna", "ben"):
+            accounts.set_password(db, accounts.add(db, name, ["clinician"]), GOOD)
+    return store
+
+
+@pytest.fixture(autouse=True)
+def _forgotten(store: Store, cheap: None) -> None:
+    with store.database() as db:
+        db.query(Attempt).delete()
+        db.commit()
+
+
+def tried(store: Store, name: str, password: str, address: str = "10.0.0.1") -> str | None:
+    with store.database() as db:
+        account = logins.by_password(db, name, password, address)
+        return account.name if account else None
+
+
+def test_a_password_is_kept_as_an_argon2id_hash_alone_made_anew_when_its_parameters_are_old(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, password in (("anna", GOOD + " "), ("anna", ""), ("nobody", GOOD), ("ben", "seven hands on a Table")):
+        assert tried(store, name, password) is None
+    monkeypatch.setattr(accounts, "_hasher", PasswordHasher())
+    assert tried(store, " Anna ", GOOD) == "anna"
+    with store.database() as db:
+        anna, ben = (accounts.named(db, name).password or "" for name in ("anna", "ben"))
+    assert anna.startswith("$argon2id$v=19$m=65536,t=3,p=4$")
+    assert ben.startswith("$argon2id$v=19$m=8,t=1,p=1$")
+    assert not any(GOOD.encode() in p.read_bytes() for p in store.folder.rglob("*") if p.is_file())
+
+
+@pytest.mark.parametrize("password", ["short", "x" * 257, "aaaaaaaaaaaaaaaa", "ababababababab", "my name is anna", ""])
+def test_a_password_that_is_easily_guessed_is_refused(store: Store, password: str) -> None:
+    with store.database() as db, pytest.raises(InputError):
+        accounts.set_password(db, accounts.named(db, "anna"), password)
+    assert tried(store, "anna", GOOD) == "anna"
+
+
+def test_an_account_is_closed_after_five_tries_wherever_they_came_from_and_a_restart_forgets_none(store: Store) -> None:
+    for k in range(MOST_OF_ACCOUNT):
+        assert tried(store, "anna", "wrong", f"10.0.0.{k}") is None
+    again = open_store(store.folder)
+    for address in ("10.0.0.9", "10.0.0.1"):
+        with pytest.raises(ThrottledError) as told:
+            tried(again, "anna", GOOD, address)
+        assert 0 < told.value.wait <= WINDOW.total_seconds()
+    assert tried(again, "ben", GOOD, "10.0.0.1") == "ben", "others come in"
+    with again.database() as db:
+        for attempt in db.query(Attempt):
+            attempt.at -= WINDOW + timedelta(seconds=1)
+        db.commit()
+    assert tried(again, "anna", GOOD) == "anna"
+
+
+def test_an_address_is_closed_after_twenty_tries_of_any_names(store: Store) -> None:
+    with ThreadPoolExecutor(2) as two:
+        list(two.map(lambda k: tried(store, f"guess{k}", "wrong"), range(MOST_OF_ADDRESS)))
+    with pytest.raises(ThrottledError):
+        tried(store, "anna", GOOD)
+    assert tried(store, "anna", GOOD, "10.0.0.2") == "anna"
+
+
+def test_tries_at_once_are_counted_before_any_is_checked(store: Store) -> None:
+    def outcome(_: int) -> str:
+        try:
+            return str(tried(store, "anna", "wrong"))
+        except ThrottledError:
+            return "throttled"
+
+    with ThreadPoolExecutor(8) as many:
+        outcomes = list(many.map(outcome, range(12)))
+    assert outcomes.count("None") <= MOST_OF_ACCOUNT
+    assert set(outcomes) == {"None", "throttled"}
+
+
+def test_a_code_of_an_account_that_is_out_of_use_lets_nobody_in(store: Store, tmp_path: Path) -> None:
+    token = logins.new_token(store.folder, "ben")
+    with store.database() as db:
+        ben = accounts.named(db, "ben")
+        accounts.change(db, ben, disabled=True)
+        assert logins.redeem(db, store, token) is None
+        assert accounts.proved(db, "ben", GOOD) is None
+        accounts.change(db, ben, disabled=False)
+        for name in ("../anna", "gone", "anna\n"):
+            assert logins.redeem(db, store, logins.new_token(store.folder, name)) is None
+
+
+def test_a_person_whose_first_login_comes_twice_at_once_has_one_account(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = accounts._name
+
+    def meanwhile(word: str) -> str:
+        monkeypatch.setattr(accounts, "_name", name)
+        with store.database() as other:
+            accounts.of_subject(other, "issuer 1", "carla", ["clinician"])
+        return name(word)
+
+    monkeypatch.setattr(accounts, "_name", meanwhile)
+    with store.database() as db:
+        second = accounts.of_subject(db, "issuer 1", "carla", ["scientist"])
+        assert second.roles == ["scientist"]
+        assert [a.name for a in accounts.everyone(db) if a.subject] == ["carla"]

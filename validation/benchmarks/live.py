@@ -1,0 +1,118 @@
+"""Live: 17 sensors at 200 Hz, one station, four viewers of figures and 3-D scene: latency from a sample to the viewer, CPU of the server.
+
+A sample's age is taken when its message is in the viewer's hands: the recording's clock is the glove's, and the least age ever seen of any
+burst on arrival at the server defines its zero, as in sessions.clock_mapping; what the glove itself held back (its burst) counts.
+"""
+
+import asyncio
+import json
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+from websockets.typing import Origin, Subprotocol
+
+from handscope.app.scene.bridge import PROTOCOL
+from handscope.validation.benchmarks import Metric
+from handscope.validation.benchmarks.server_under_test import Client, act, begin_tasks, glove, server
+
+RATE = 200
+VIEWERS = 4
+SECONDS = 12.0  # less than the task lasts
+ASKED = 4  # times that a viewer asks for a scene
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def measure() -> list[Metric]:
+    """Latency and CPU while the tapping task runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        port = Path(folder) / "glove"
+        with glove(port, "--rate", str(RATE)), server(Path(folder) / "data") as (address, pid):
+            client = Client(address)
+            station = begin_tasks(client, port)
+            act(client, station, "choose", task="tapping")
+            act(client, station, "start")
+            before, began = _cpu(pid), time.monotonic()
+            ages = asyncio.run(watch(client, [station], VIEWERS, SECONDS))
+            cpu = (_cpu(pid) - before) / (time.monotonic() - began)
+            lost = sum(s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"])
+            act(client, station, "stop")
+            client.call("DELETE", f"/api/stations/{station}")
+    return [
+        Metric("sample to web socket, median", float(np.median(ages)), "ms", None, "lower"),
+        Metric("sample to web socket, p99", float(np.percentile(ages, 99)), "ms", 30.0, "lower"),
+        Metric("messages per viewer", len(ages) / VIEWERS / SECONDS, "per s", None, "higher"),
+        Metric("CPU of the server's processes", cpu, "cores", 1.0, "lower"),
+        Metric("samples lost", float(lost), "samples", 0.0, "lower"),
+    ]
+
+
+async def watch(client: Client, stations: Sequence[str], viewers: int, seconds: float) -> list[float]:
+    """Ages (ms) of what so many viewers of each station are told, figures and scene open."""
+    told = asyncio.gather(*(_viewer(client, station, seconds) for station in stations for _ in range(viewers)))
+    scenes = [asyncio.create_task(_scene(client, station)) for station in stations for _ in range(viewers)]
+    ages = [age for one in await told for age in one]
+    if any(scene.done() for scene in scenes):
+        raise RuntimeError("a viewer's 3-D scene was closed")
+    for scene in scenes:
+        scene.cancel()
+    await asyncio.gather(*scenes, return_exceptions=True)  # each says goodbye
+    return ages
+
+
+async def _viewer(client: Client, station: str, seconds: float) -> list[float]:
+    """Ages (ms) of the newest sample of every message, as the viewer receives it."""
+    ages, until = [], time.monotonic() + seconds
+    async with _socket(client, f"/api/stations/{station}/live") as socket:
+        while time.monotonic() < until:
+            message = json.loads(await socket.recv())
+            pulse = message["pulse"]
+            if pulse["row_age_ms"] is not None:
+                ages.append(pulse["row_age_ms"] + 1e3 * (time.monotonic() - pulse["told"]))
+    return ages
+
+
+async def _scene(client: Client, station: str) -> None:
+    """Takes what the scene sends, as a browser would: it asks again where it was refused, for a while."""
+    for _ in range(ASKED):
+        with suppress(InvalidStatus):
+            async with _socket(client, f"/scene/{station}", PROTOCOL) as socket:
+                async for _ in socket:
+                    pass
+        await asyncio.sleep(1.0)
+
+
+def _socket(client: Client, path: str, *protocols: Subprotocol) -> connect:
+    url = client.base.replace("http", "ws") + path
+    headers = {"Cookie": client.cookie}
+    return connect(
+        url,
+        additional_headers=headers,
+        origin=Origin(client.base),
+        subprotocols=protocols or None,
+        compression=None,
+        max_size=None,
+        proxy=None,
+    )
+
+
+def _cpu(pid: int) -> float:
+    """CPU seconds of a process and its descendants so far."""
+    seconds, parents = {}, {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        one = int(path.parent.name)
+        seconds[one], parents[one] = (int(fields[11]) + int(fields[12])) / TICKS, int(fields[1])
+    family = {pid}
+    while more := {one for one, parent in parents.items() if parent in family} - family:
+        family |= more
+    return sum(seconds.get(one, 0.0) for one in family)

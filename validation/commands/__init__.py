@@ -1,0 +1,1 @@
+"""The verbs of the evidence: `handscope bench` and `handscope reproduce`."""

@@ -1,0 +1,1 @@
+"""Figures from simulators that share no code with the program."""

@@ -1,0 +1,212 @@
+"""Self-calibration (`map`) judged by a simulator that shares no line with it: lengths, seats, places, biases, angles and tips against the truth."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
+from handscope.estimators.methods import map as method
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.simulator.free_movement import CHAINS, DEG, Setup, Truth, written
+from handscope.validation.reproduce import Wanted
+from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
+
+MOST = 3  # people of a condition
+HAND = "whole right hand"
+DURATION = 20.0  # s, of one finger where a condition does not say else
+CONDITIONS: Mapping[str, Mapping[str, Any]] = {
+    "100 Hz": {},
+    "40 s": {"duration": 40.0},
+    "60 Hz": {"rate": 60.0},
+    "200 Hz": {"rate": 200.0},
+    "with a forearm's sensor": {"forearm": True},
+    "thumb": {"fingers": ("thumb",)},
+    "fast (2 Hz)": {"pace": 2.0},
+    "slow (0.4 Hz)": {"pace": 0.4},
+    "no skin": {"skin": 0.0},
+    "twice the skin": {"skin": 2.0},
+    "skin that follows the bending's square": {"law": "growing"},
+    "skin that levels off": {"law": "levelling"},
+    "skin that lags": {"law": "lagging"},
+    "stamps scattered by 2 ms": {"scatter": 0.002},
+    HAND: {"hand": "right", "fingers": FINGERS, "duration": 40.0},
+}
+PEOPLE = dict.fromkeys(CONDITIONS, MOST) | {HAND: 1}
+OTHER_LAW = ("skin that levels off", "skin that lags")  # what self-calibration does not assume
+WHAT = {  # unit, and how many of them in one of SI
+    "lengths": ("mm", 1e3),
+    "seats told": ("deg", 1 / DEG),
+    "seats by the mounting": ("deg", 1 / DEG),
+    "places": ("mm", 1e3),
+    "gyroscopes' biases": ("deg/s", 1 / DEG),
+    "accelerometers' biases": ("m/s^2", 1.0),
+    "angles": ("deg", 1 / DEG),
+    "tips": ("mm", 1e3),
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    condition: str  # of CONDITIONS
+    seed: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """One recording; everything by what WHAT names, where it was told."""
+
+    refused: str  # in words; empty where something was found
+    error: Mapping[str, float]  # RMS, SI
+    squared: Mapping[str, float]  # mean of the squares of errors in their standard deviations
+    percent: float  # largest error of a length, %; 0 where none was told
+    worst: float  # the same in standard deviations
+    seconds: float  # of the processor
+
+
+def trials(wanted: Wanted) -> Sequence[Trial]:
+    asked = wanted.experiments or tuple(CONDITIONS)
+    return [Trial(c, seed) for c, most in PEOPLE.items() if c in asked for seed in range(min(wanted.seeds, most))]
+
+
+def measure(trial: Trial) -> Found:
+    """One recording, written, read and calibrated as `handscope process --method map` does it."""
+    with TemporaryDirectory() as folder:
+        true = written(Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]}), Path(folder) / "recording")
+        recording = formats_recordings.load(Path(folder) / "recording")
+    began = time.process_time()
+    try:
+        found = process(method, method.Params(), recording)
+    except InputError as problem:
+        return Found(str(problem), {}, {}, 0.0, 0.0, time.process_time() - began)
+    seconds = time.process_time() - began
+    pairs: dict[str, list[tuple[Array, Array]]] = {}
+    for what, error, sd in (*_calibrated(found.calibrations[0], true), *_moved(found.trajectory, true)):
+        pairs.setdefault(what, []).append((error, sd))
+    joined = {what: [np.concatenate([np.ravel(part) for part in parts]) for parts in zip(*some)] for what, some in pairs.items()}
+    lengths = found.calibrations[0]
+    return Found(
+        "",
+        {what: _rms(error) for what, (error, _) in joined.items()},
+        {what: _rms(error / sd) ** 2 for what, (error, sd) in joined.items()},
+        max((100 * abs(lengths.geometry.lengths[s] / true.body.lengths[s] - 1) for s in lengths.lengths_sd), default=0.0),
+        float(np.abs(np.divide(*joined["lengths"])).max()) if "lengths" in joined else 0.0,
+        seconds,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _calibrated(told: Calibration, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+    """Errors and standard deviations of what the calibration tells."""
+    body = true.body
+    last = {links[-1] for links in CHAINS.values()} | {"hand", "forearm"}
+    for s, sd in told.lengths_sd.items():
+        yield "lengths", np.array([told.geometry.lengths[s] - body.lengths[s]]), np.array([sd])
+    for s, sds in told.q_BS_sd.items():
+        off = Rotation.from_quat(told.q_BS[s], scalar_first=True) * body.seats[s].inv()
+        yield "seats by the mounting" if s in last else "seats told", off.as_rotvec(), sds
+    for s, sds in told.p_BS_sd.items():
+        yield "places", told.p_BS[s] - body.places[s], sds
+    for s, sds in told.gyr_bias_sd.items():
+        yield "gyroscopes' biases", told.gyr_bias[s] - true.sensors.gyr_bias[s], sds
+    for s, sds in told.acc_bias_sd.items():
+        yield "accelerometers' biases", told.acc_bias[s] - true.sensors.acc_bias[s], sds
+
+
+def _moved(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+    """Errors and standard deviations of angles and tips, at the method's instants."""
+    assert found.angles_sd is not None and found.tips_sd is not None
+    for joint, angles in true.angles.items():
+        for axis in np.flatnonzero(IS_DOF[JOINT[joint]]):
+            right = np.interp(found.t, true.t, angles[:, axis])
+            yield "angles", found.angles[:, JOINT[joint], axis] - right, found.angles_sd[:, JOINT[joint], axis]
+    for finger, tip in true.tips.items():
+        k = FINGERS.index(finger)
+        right = np.stack([np.interp(found.t, true.t, x) for x in tip.T], axis=1)
+        yield "tips", found.tips[:, k] - right, found.tips_sd[:, k]
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
+    by = {c: [f for trial, f in results if trial.condition == c] for c in dict.fromkeys(trial.condition for trial, _ in results)}
+    errors = [
+        Row(
+            c,
+            {f"{w}, {unit}": spread(factor * f.error[w] for f in fs if w in f.error) for w, (unit, factor) in WHAT.items() if _any(w, fs)},
+        )
+        for c, fs in by.items()
+    ]
+    squared = [Row(c, {w: spread(f.squared[w] for f in fs if w in f.squared) for w in WHAT if _any(w, fs)}) for c, fs in by.items()]
+    others = [
+        Row(
+            c,
+            {"lengths' largest error, %": spread(f.percent for f in fs)}
+            | {"in standard deviations": spread(f.worst for f in fs)}
+            | {"processor's time, s": spread(f.seconds for f in fs)},
+        )
+        for c, fs in by.items()
+    ]
+    tables = (
+        Table(
+            "Errors, RMS", tuple(f"{w}, {unit}" for w, (unit, _) in WHAT.items()), tuple(errors), head="condition", digits=3, over="people"
+        ),
+        Table(
+            "Squares of errors in their standard deviations (1 = as sure as it says, less = too careful)",
+            tuple(WHAT),
+            tuple(squared),
+            head="condition",
+            over="people",
+        ),
+        Table(
+            "Lengths beside a joint, and what it takes",
+            ("lengths' largest error, %", "in standard deviations", "processor's time, s"),
+            tuple(others),
+            head="condition",
+            digits=1,
+            over="people",
+        ),
+    )
+    verdicts = tuple(
+        verdict for kind in (False, True) for verdict in _judged([f for c, fs in by.items() for f in fs if (c in OTHER_LAW) == kind], kind)
+    )
+    refused = [f"{t.condition}, person {t.seed}: refused ({f.refused})." for t, f in results if f.refused]
+    return Finding(
+        "independent", "Self-calibration judged by a simulator of its own", _setting(), tables, verdicts, tuple(refused), simulated=False
+    )
+
+
+def _judged(found: Sequence[Found], other_law: bool) -> Iterator[Verdict]:
+    """Lengths against what is to be reached; nothing where nothing was measured."""
+    skin = "skin of another law than is assumed" if other_law else "skin as assumed"
+    if found:
+        yield Verdict(f"{skin}: largest error of a length", max(f.percent for f in found), 2.0, "%", "target of self-calibration")
+        yield Verdict(
+            f"{skin}: the same in its standard deviation", max(f.worst for f in found), 3.0, "of them", "ours: where they are honest"
+        )
+
+
+def _any(what: str, found: Sequence[Found]) -> bool:
+    return any(what in f.error for f in found)
+
+
+def _setting() -> tuple[str, ...]:
+    return (
+        "Simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/: closed formulas for the movement, rates and accelerations by differences. Every person has"
+        f" lengths, places and movement of his own, the same in every row; index finger and hand for {DURATION:g} s at 100 Hz where the row does not say else. Sensors sit askew by 5 deg about each axis,"
+        " skin turns them by 2 deg and slides them by 1 mm in 90 deg of their joint, the hand's sensor with the fingers; biases 0.8 deg/s and 0.12 m/s^2, noise 0.007 deg/s and 150 ug a square"
+        " root of a Hz, scales and axes off by 0.3 %. The palm's length and where fingers hang on it are told exactly, no finger's length is.",
+        "`Seats told` are the sensors' that movement tells wholly; those of the hand, the forearm and the last phalanges lean on the nominal mounting. Skin that follows the bending's square:"
+        " 0.6 of the angle and 0.6 of its square over 90 deg; that levels off: the angle's sine; that lags: 9 deg of bending behind, either way. Self-calibration takes skin to follow in proportion, and the square by as much as it finds.",
+    )

@@ -1,0 +1,58 @@
+"""How far an estimate is from the truth: tips, joint angles, known distances, orientations.
+
+In      estimate and truth at the same instants
+Out     root mean squares: m, rad
+Source  tips and distances: Salchow-Hoemmen 2019, (30)-(32); orientations: Laidig et al. 2021, Data 6(7):72
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.hand.anatomy import FINGERS, JOINT
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.quaternions import Array
+
+
+@dataclass(frozen=True)
+class OrientationError:
+    """Angles (n,) in rad of an orientation against a reference in the same earth frame."""
+
+    total: Array
+    heading: Array
+    inclination: Array
+
+
+def rms(values: Array) -> float:
+    """Root mean square of all values."""
+    assert values.size and np.isfinite(values).all(), "an error without a value"
+    return float(np.sqrt(np.mean(values * values)))
+
+
+def tip_rmse(estimate: Trajectory, truth: Trajectory, fingers: Sequence[str]) -> float:
+    """Of the tips' distance from the truth in the wrist frame, m. Source: Salchow-Hoemmen 2019, (30), (31)."""
+    k = [FINGERS.index(finger) for finger in fingers]
+    return rms(np.linalg.norm(estimate.tips[:, k] - truth.tips[:, k], axis=-1))
+
+
+def angle_errors(estimate: Trajectory, truth: Trajectory, joints: Sequence[str]) -> Array:
+    """Differences (n, freedoms) of all freedoms of the joints, rad, the shorter way round."""
+    k = [JOINT[joint] for joint in joints]
+    error = (estimate.angles[:, k] - truth.angles[:, k] + np.pi) % (2 * np.pi) - np.pi
+    free = np.isfinite(truth.angles[:, k]).all(axis=0)
+    return np.asarray(error[:, free])
+
+
+def distance_rmse(a: Array, b: Array, distance: float) -> float:
+    """Of the distance between points (n, 3) against the known one, m. Source: Salchow-Hoemmen 2019, (32), (31)."""
+    return rms(np.linalg.norm(a - b, axis=-1) - distance)
+
+
+def orientation_error(q_GS: Array, q_ref: Array) -> OrientationError:
+    """Split the error q_e = q_GS conj(q_ref) (n, 4) into its turn about the vertical and the rest."""
+    w, x, y, z = np.moveaxis(quat.multiply(q_GS, quat.conjugate(q_ref)), -1, 0)
+    upright, tilted = np.hypot(w, z), np.hypot(x, y)
+    heading = (2 * np.arctan2(z, w) + np.pi) % (2 * np.pi) - np.pi
+    return OrientationError(2 * np.arctan2(np.hypot(tilted, z), np.abs(w)), heading, 2 * np.arctan2(tilted, upright))

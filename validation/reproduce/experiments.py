@@ -1,0 +1,159 @@
+"""The papers' experiments run on simulated people: what every trial has in common.
+
+One seed is one person with a hand, sensors and movements of their own; the methods see the recording, never the truth.
+"""
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.options import describe
+from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import DOF_NAMES
+from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.methods import METHODS
+from handscope.estimators.numerics.quaternions import Array
+from handscope.estimators.pipeline.process import process
+from handscope.estimators.simulation import experiments
+from handscope.estimators.simulation.experiments import Experiment, judged, recorded
+from handscope.estimators.simulation.magnetic_field import homogeneous, office
+from handscope.estimators.simulation.movements.task_performance import Performance
+from handscope.estimators.simulation.person import Anatomy
+from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.validation.reproduce.finding import Sizes
+
+Rows = NDArray[np.intp]
+POSE_ERROR = 2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
+RATE = 100.0  # Hz
+VARIANTS: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "b": ("b", {}),
+    "m1": ("m1", {}),
+    "m2": ("m2", {}),
+    "m2 heading": ("m2", {"alignment": "heading"}),
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One person doing one experiment."""
+
+    experiment: str
+    seed: int
+
+
+def chosen(names: Sequence[str], table: Mapping[str, Experiment]) -> list[str]:
+    """The experiments asked for that are in the table, all where none is named; InputError for one that is in no table."""
+    for name in names:
+        if name not in experiments.EXPERIMENTS:
+            raise InputError(f"there is no experiment {name!r}; experiments are {', '.join(experiments.EXPERIMENTS)}")
+    return [name for name in table if not names or name in names]
+
+
+def performed(
+    trial: Trial,
+    errors: SensorErrors | None = None,
+    pose_error: float = POSE_ERROR,
+    length_errors: bool = True,
+    wrist_error: float | None = None,
+    give: float = 0.0,
+) -> Simulated:
+    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg."""
+    of_field, of_person = _generators(trial)
+    field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
+    return recorded(
+        experiment,
+        of_person,
+        errors or SensorErrors(),
+        field,
+        "left",
+        pose_error,
+        length_errors,
+        RATE,
+        wrist_error_deg=wrist_error,
+        give_deg=give,
+    )
+
+
+def calibrating(trial: Trial) -> Simulated:
+    """The trial's recording with the steps of a functional calibration before the movement, in a homogeneous field."""
+    of_field, of_person = _generators(trial)
+    field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
+    return recorded(experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True)
+
+
+def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
+    """The same person and movement near steel furniture and in a homogeneous field."""
+    (of_field, of_person), experiment = _generators(trial), _remembering(experiments.EXPERIMENTS[trial.experiment])
+    north = _north(of_field)
+    fields = (office(of_field, north), homogeneous(north))
+    near, far = (recorded(experiment, deepcopy(of_person), SensorErrors(), field, "left", POSE_ERROR, rate=RATE) for field in fields)
+    return near, far
+
+
+def estimated(recording: Simulated, variant: str) -> tuple[Trajectory, Trajectory]:
+    """The estimate of a method and the truth, where the experiment is judged."""
+    name, options = VARIANTS[variant]
+    moved = process(METHODS[name], METHODS[name].Params(**options), recording).trajectory
+    return at_the_truths_instants(recording, moved)
+
+
+def at_the_truths_instants(recording: Simulated, moved: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """The estimate and the truth where the experiment is judged."""
+    where = judged(recording)
+    return moved.at(_rows(moved.t, recording.truth.t[where])), recording.truth.at(np.flatnonzero(where))
+
+
+def simulated_setting(disturbed: bool) -> tuple[str, ...]:
+    """What is the same in all simulated experiments; the error sizes are in `sizes`."""
+    field = " ".join(((office if disturbed else homogeneous).__doc__ or "").split())  # the simulator's own words
+    return (
+        f"Every seed is another person: hand, lengths, sensors, errors and movement are drawn anew. {len(DOF_NAMES)} freedoms, left hand, 17 sensors "
+        f"at {RATE:g} Hz, one initial pose of which every freedom of every joint is missed by up to {POSE_ERROR:g} deg. Magnetic field: {field} "
+        "Error sizes as listed under `Error sizes`.",
+    )
+
+
+def sizes() -> Sizes:
+    """The error sizes of all simulated experiments."""
+    pose = (
+        "initial pose missed in every freedom of every joint, largest",
+        f"{POSE_ERROR:g} deg",
+        "asked for by our targets; evenly spread",
+    )
+    sensors, hands = (
+        [(d.meaning, f"{d.default:g} {d.unit}".removesuffix(" 1"), d.source) for d in describe(o)] for o in (SensorErrors, Anatomy)
+    )
+    return Sizes("error-sizes", "Error sizes", ("what errs", "size", "source"), (pose, *sensors, *hands))
+
+
+def _generators(trial: Trial) -> list[np.random.Generator]:
+    """Of the field and of the person."""
+    return np.random.default_rng([trial.seed, list(experiments.EXPERIMENTS).index(trial.experiment)]).spawn(2)
+
+
+def _north(rng: np.random.Generator) -> float:
+    return float(rng.uniform(-np.pi, np.pi))
+
+
+def _remembering(experiment: Experiment) -> Experiment:
+    """The same experiment, its movement made up once only: a closed chain takes its time."""
+    made: list[tuple[Performance, ...]] = []
+
+    def perform(geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, ...]:
+        if not made:
+            made.append(experiment.perform(geometry, rng))
+        return made[0]
+
+    return replace(experiment, perform=perform)
+
+
+def _rows(t: Array, wanted: Array) -> Rows:
+    """Where in t the wanted instants are."""
+    k = np.searchsorted(t, wanted - 1e-6)
+    assert k[-1] < len(t) and np.abs(t[k] - wanted).max() < 1e-6, "an instant that was not estimated"
+    return np.asarray(k)

@@ -1,0 +1,1 @@
+"""What errors cost, how they grow, whether standard deviations are honest."""
