@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from starlette.testclient import TestClient
 
-from app.api.access import new_token
-from app.cli import main
-from app.server import create_app
-from app.settings import Settings
-from sessions import formats
+from handscope.app.auth.gate import new_token
+from handscope.app.cli import main
+from handscope.app.server import create_app
+from handscope.app.settings import Settings
+from handscope.sessions.formats import recordings as formats
 
 RECORDINGS = (*("simulated.zip", "wiggle.zip", "free.zip", "lift.zip", "reach.zip", "laid_down.zip"), *("functional.mcap", "glove.mcap"))
 ASSESSED = ("wiggle.zip", "lift.zip", "reach.zip")
